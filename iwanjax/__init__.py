@@ -1,0 +1,3 @@
+"""Differentiable model updating for structures with bolted joints."""
+
+__version__ = "0.1.0"

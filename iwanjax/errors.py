@@ -1,0 +1,13 @@
+"""The errors a user can meet: what arrived, what was expected, what to try."""
+
+
+class IwanjaxError(Exception):
+    """Base of every error raised on purpose; the command line prints it as one line."""
+
+
+class InputError(IwanjaxError, ValueError):
+    """An argument, array or file that cannot be used as it is."""
+
+
+class PrecisionError(IwanjaxError, RuntimeError):
+    """A computation that needs float64 in a session that computes in float32."""

@@ -1,0 +1,30 @@
+"""Joint elements: one file each, pure and elementwise, knowing no structure."""
+
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo
+from iwanjax.joints.background import PowerLawDamping
+from iwanjax.joints.catalogue import JOINTS, joint_type, register_joint
+from iwanjax.joints.dashpot import Dashpot
+from iwanjax.joints.iwan4 import Iwan4
+from iwanjax.joints.iwan5 import Iwan5
+from iwanjax.joints.jenkins import Jenkins
+from iwanjax.joints.masing import masing_dissipation, masing_loading
+from iwanjax.joints.springs import CubicSpring, Gap, LinearSpring
+
+__all__ = [
+    "JOINTS",
+    "AbstractJoint",
+    "CubicSpring",
+    "Dashpot",
+    "Gap",
+    "Iwan4",
+    "Iwan5",
+    "Jenkins",
+    "Law",
+    "LinearSpring",
+    "ParameterInfo",
+    "PowerLawDamping",
+    "joint_type",
+    "masing_dissipation",
+    "masing_loading",
+    "register_joint",
+]

@@ -1,0 +1,200 @@
+"""What every joint element offers: parameters, backbone, secant, dissipation, loop."""
+
+import abc
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from iwanjax.errors import InputError
+from iwanjax.types import as_real, is_traced
+
+Law: TypeAlias = Callable[[Array], tuple[Array, Array]]
+"""Deflection d -> (force, tangent stiffness) on the virgin curve, elementwise."""
+
+_HARMONIC_NODES = 64
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """One parameter of an element: what it is, where it may lie, how a fit should move it.
+
+    Parameters
+    ----------
+    name : str
+        Attribute of the element.
+    dimension : str
+        In force and length, for instance ``"force/length"``; ``"1"`` when it has none.
+    meaning : str
+        A few words for reports.
+    lower, upper : float
+        Open bounds outside which the formulas do not hold; ``closed`` names the ends
+        that belong to the range.
+    transform : {"log", "logit", "identity"}
+        The map to an unbounded variable that suits the parameter.
+    usual : (float, float), optional
+        The range a fit uses unless told otherwise, where it is narrower than the bounds.
+    """
+
+    name: str
+    dimension: str
+    meaning: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    closed: Literal["", "lower", "upper", "both"] = ""
+    transform: Literal["log", "logit", "identity"] = "identity"
+    usual: tuple[float, float] | None = None
+
+    def contains(self, value: np.ndarray) -> np.ndarray:
+        """Whether each value lies within the bounds."""
+        above = value >= self.lower if self.closed in ("lower", "both") else value > self.lower
+        below = value <= self.upper if self.closed in ("upper", "both") else value < self.upper
+        return above & below
+
+    @property
+    def range(self) -> str:
+        """The bounds as text, for instance ``(-1, inf)``."""
+        left = "[" if self.closed in ("lower", "both") else "("
+        right = "]" if self.closed in ("upper", "both") else ")"
+        return f"{left}{self.lower:g}, {self.upper:g}{right}"
+
+
+class AbstractJoint(eqx.Module):
+    """One-dimensional element between the two ends of a deflection row d = row @ u.
+
+    All methods are elementwise in the deflection and broadcast against parameters
+    that are arrays, so one object can carry a batch of parameter sets. Forces are
+    those the element opposes to a growing d.
+    """
+
+    parameters: eqx.AbstractClassVar[tuple[ParameterInfo, ...]]
+
+    @abc.abstractmethod
+    def law(self) -> Law:
+        """The virgin curve as a function d -> (force, tangent), constants worked out once."""
+
+    @abc.abstractmethod
+    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Secant stiffness (tip force / amplitude) of the steady cycle of amplitude |d|."""
+
+    @abc.abstractmethod
+    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
+        """Energy dissipated per steady cycle of amplitude |d| (at ``omega`` rad/s)."""
+
+    @abc.abstractmethod
+    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
+        """Force on the loading branch, from -d_0 to d_0, of the steady cycle of amplitude d_0."""
+
+    @property
+    @abc.abstractmethod
+    def initial_stiffness(self) -> Array:
+        """Tangent stiffness at rest: the low-amplitude limit."""
+
+    @property
+    @abc.abstractmethod
+    def limit_stiffness(self) -> Array:
+        """Secant stiffness at very large amplitude; infinite where the force outgrows d."""
+
+    def backbone(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Virgin loading force at deflection d, any sign and shape.
+
+        Parameters
+        ----------
+        d : array_like
+            Deflection, length.
+
+        Returns
+        -------
+        array
+            Force, in the unit of the element's strength.
+        """
+        return self.law()(deflection(d))[0]
+
+    def tangent(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Slope of the virgin curve at deflection d, force/length."""
+        return self.law()(deflection(d))[1]
+
+    def harmonic_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
+        r"""In-phase first-harmonic stiffness of the steady cycle d cos(t).
+
+        .. math:: k_1(d) = \frac{2}{\pi d}\int_0^{\pi} F(d\cos t)\cos t\,dt
+
+        over the unloading branch, by the midpoint rule in t (spectrally accurate for a
+        smooth branch). It is the stiffness a Hilbert transform of a ring-down sees,
+        where the secant only joins the tips of the loop.
+
+        Parameters
+        ----------
+        d : array_like
+            Amplitude, length.
+        """
+        amplitude = jnp.abs(deflection(d))
+        at_rest = amplitude == 0
+        safe = jnp.where(at_rest, 1.0, amplitude)
+        total = jnp.zeros(jnp.broadcast_shapes(amplitude.shape, self.initial_stiffness.shape))
+        for t in (np.arange(_HARMONIC_NODES) + 0.5) * np.pi / _HARMONIC_NODES:
+            # The unloading branch at d cos t is minus the loading branch at -d cos t.
+            total = total - self.loading(-safe * np.cos(t), safe) * np.cos(t)
+        return jnp.where(at_rest, self.initial_stiffness, 2.0 * total / _HARMONIC_NODES / safe)
+
+    def loop(
+        self, d_0: ArrayLike, points: int = 201
+    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
+        """The steady hysteresis loop of amplitude d_0, up and down, for plotting.
+
+        Parameters
+        ----------
+        d_0 : float
+            Amplitude, length.
+        points : int
+            Points on each of the two branches.
+
+        Returns
+        -------
+        (d, force) : two (2 points,) arrays
+            Closed curve; the enclosed area is ``dissipation(d_0)``.
+        """
+        amplitude = deflection(d_0)
+        # Cosine spacing resolves the steep start of each branch.
+        up = -amplitude * jnp.cos(jnp.linspace(0.0, jnp.pi, points))
+        force = self.loading(up, amplitude)
+        return jnp.concatenate([up, -up]), jnp.concatenate([force, -force])
+
+    def __check_init__(self) -> None:
+        """Hold every parameter against its bounds and the shapes against each other."""
+        shapes = []
+        for info in self.parameters:
+            value = getattr(self, info.name)
+            shapes.append(value.shape)
+            if is_traced(value):
+                continue
+            inside = info.contains(np.asarray(value))
+            if not np.all(inside):
+                worst = np.asarray(value)[~inside].ravel()[0]
+                raise InputError(
+                    f"{type(self).__name__}: {info.name} = {worst:.17g} ({info.meaning}) "
+                    f"lies outside {info.range}"
+                )
+        try:
+            np.broadcast_shapes(*shapes)
+        except ValueError:
+            named = ", ".join(
+                f"{info.name} {shape}" for info, shape in zip(self.parameters, shapes, strict=True)
+            )
+            raise InputError(
+                f"{type(self).__name__}: parameter shapes do not broadcast together: {named}"
+            ) from None
+
+
+def parameter(name: str) -> Any:
+    """An Equinox field that turns what arrives into a real array and names it in errors."""
+    return eqx.field(converter=lambda value: as_real(value, name))
+
+
+def deflection(d: ArrayLike) -> Array:
+    """A deflection as a real array; NaN passes, so that a missing point stays one point."""
+    return jnp.asarray(d, dtype=jnp.zeros(()).dtype)

@@ -1,0 +1,35 @@
+"""Background damping of a mode beside its joints."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from iwanjax.joints.abstract import deflection, parameter
+from iwanjax.joints.power import power
+
+
+class PowerLawDamping(eqx.Module):
+    r"""Damping ratio of a mode as a power law of its amplitude (thesis Eq. 3.32).
+
+    .. math:: \zeta(Q) = c_1 Q^{\chi+1} + \zeta_0
+
+    Usable wherever a background damping ratio ``zeta0`` is asked for.
+
+    Parameters
+    ----------
+    c_1 : float
+        Coefficient, amplitude^-(chi+1).
+    chi : float
+        Exponent, 1; above -1.
+    zeta_0 : float
+        Damping ratio at vanishing amplitude, 1.
+    """
+
+    c_1: Array = parameter("c_1")
+    chi: Array = parameter("chi")
+    zeta_0: Array = parameter("zeta_0")
+
+    def __call__(self, amplitude: ArrayLike) -> Float[Array, "..."]:
+        """Damping ratio at the given modal amplitude(s)."""
+        Q = jnp.abs(deflection(amplitude))
+        return self.c_1 * power(Q, self.chi + 1.0) + self.zeta_0

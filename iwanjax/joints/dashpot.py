@@ -1,0 +1,69 @@
+"""The linear dashpot: no force at rest, an ellipse in motion."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from iwanjax.errors import InputError
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, deflection, parameter
+
+
+class Dashpot(AbstractJoint):
+    r"""F = c v. Quasi-statically it carries nothing; per cycle it takes pi c omega d^2.
+
+    Parameters
+    ----------
+    c : float or array
+        Viscous coefficient, force x time/length.
+    """
+
+    parameters: ClassVar[tuple[ParameterInfo, ...]] = (
+        ParameterInfo(
+            "c", "force*time/length", "viscous coefficient", 0.0, closed="lower", transform="log"
+        ),
+    )
+
+    c: Array = parameter("c")
+
+    @property
+    def initial_stiffness(self) -> Array:
+        """Zero."""
+        return jnp.zeros_like(self.c)
+
+    @property
+    def limit_stiffness(self) -> Array:
+        """Zero."""
+        return jnp.zeros_like(self.c)
+
+    def law(self) -> Law:
+        """No force and no tangent in quasi-static loading."""
+        zero = jnp.zeros_like(self.c)
+        return lambda d: (zero * d, zero * d)
+
+    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Zero: the force is in quadrature with the deflection."""
+        return jnp.zeros_like(self.c) * deflection(d)
+
+    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
+        r"""Energy per cycle :math:`\pi c\,\omega d^2`, force x length.
+
+        Parameters
+        ----------
+        d : array_like
+            Amplitude, length.
+        omega : array_like
+            Circular frequency, rad/s.
+
+        Raises
+        ------
+        InputError
+            When omega is not given: a dashpot's loss depends on rate.
+        """
+        if omega is None:
+            raise InputError("Dashpot.dissipation needs omega= (rad/s): its loss depends on rate")
+        return jnp.pi * self.c * deflection(omega) * deflection(d) ** 2
+
+    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
+        """The in-phase part of the loop: zero."""
+        return self.backbone(d)

@@ -1,0 +1,203 @@
+"""Segalman's four-parameter Iwan element in closed form."""
+
+from typing import ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, deflection, parameter
+from iwanjax.joints.masing import masing_loading
+from iwanjax.joints.power import power
+from iwanjax.types import as_real
+
+IWAN_PARAMETERS = (
+    ParameterInfo("F_S", "force", "force at macroslip", lower=0.0, transform="log"),
+    ParameterInfo("K_T", "force/length", "tangent stiffness at rest", lower=0.0, transform="log"),
+    ParameterInfo(
+        "chi",
+        "1",
+        "exponent of the slider distribution",
+        lower=-1.0,
+        transform="logit",
+        usual=(-1.0, 0.0),
+    ),
+    ParameterInfo(
+        "beta",
+        "1",
+        "Dirac share over power-law share of the stiffness",
+        lower=0.0,
+        closed="lower",
+        transform="log",
+    ),
+)
+
+
+def phi_max_of(F_S: Array, K_T: Array, chi: Array, beta: Array) -> Array:
+    """Deflection at macroslip, thesis Eq. (2.10)."""
+    return F_S * (1.0 + beta) / (K_T * (beta + (chi + 1.0) / (chi + 2.0)))
+
+
+def distribution_of(F_S: Array, K_T: Array, chi: Array, beta: Array) -> tuple[Array, Array]:
+    """Strengths (R, S) of the power law and of the Dirac slider, thesis Eqs. (2.11), (A.5)."""
+    phi_max = phi_max_of(F_S, K_T, chi, beta)
+    power_law_share = K_T / (1.0 + beta)
+    return power_law_share * (chi + 1.0) / phi_max ** (chi + 1.0), beta * power_law_share
+
+
+def physical_of(
+    R: ArrayLike, S: ArrayLike, chi: ArrayLike, phi_max: ArrayLike
+) -> dict[str, Array]:
+    """Parameters F_S, K_T, chi, beta of a distribution, thesis Eqs. (A.3) to (A.5)."""
+    R, S = as_real(R, "R"), as_real(S, "S")
+    chi, phi_max = as_real(chi, "chi"), as_real(phi_max, "phi_max")
+    power_law_share = R * phi_max ** (chi + 1.0) / (chi + 1.0)
+    return {
+        "F_S": phi_max * (power_law_share * (chi + 1.0) / (chi + 2.0) + S),
+        "K_T": power_law_share + S,
+        "chi": chi,
+        "beta": S / power_law_share,
+    }
+
+
+class Iwan4(AbstractJoint):
+    r"""Four-parameter Iwan element (Segalman 2005; thesis App. A).
+
+    Sliders in parallel, their thresholds :math:`\phi` distributed as
+
+    .. math:: \rho(\phi) = R\phi^{\chi}[H(\phi)-H(\phi-\phi_{max})] + S\,\delta(\phi-\phi_{max})
+
+    With :math:`s = |d|/\phi_{max}`, :math:`\rho = 1/(1+\beta)` the power law's share of
+    K_T, and :math:`m = \min(s, 1)`:
+
+    .. math::
+        F &= K_T\phi_{max}\left(m - \rho\,\frac{m^{\chi+2}}{\chi+2}\right)\mathrm{sign}(d)\\
+        D &= 4K_T\phi_{max}^2\left[\rho\,\frac{(\chi+1)\,m^{\chi+3}}{(\chi+2)(\chi+3)}
+             + \left(1-\frac{\rho}{\chi+2}\right)\max(s-1,0)\right]
+
+    which are (3.25) and (3.27) below :math:`\phi_{max}` and exact beyond it, where the
+    thesis's (2.8) and (2.9) are only asymptotic. (2.8) is printed with (chi+1) for
+    (chi+2). Nothing is singular as chi -> -1.
+
+    Parameters
+    ----------
+    F_S : float or array
+        Force at macroslip, force.
+    K_T : float or array
+        Tangent stiffness at rest, force/length.
+    chi : float or array
+        Exponent, 1; above -1. Segalman's range is (-1, 0); the formulas hold beyond it.
+    beta : float or array
+        Ratio of the Dirac share of K_T to the power-law share, 1; not negative.
+
+    Raises
+    ------
+    InputError
+        For a parameter outside its bounds, not finite, or of a shape that does not
+        broadcast with the others.
+    """
+
+    parameters: ClassVar[tuple[ParameterInfo, ...]] = IWAN_PARAMETERS
+
+    F_S: Array = parameter("F_S")
+    K_T: Array = parameter("K_T")
+    chi: Array = parameter("chi")
+    beta: Array = parameter("beta")
+
+    @classmethod
+    def from_distribution(
+        cls, *, R: ArrayLike, S: ArrayLike, chi: ArrayLike, phi_max: ArrayLike
+    ) -> Self:
+        """The same element from its slider distribution, thesis Eqs. (A.3) to (A.5).
+
+        Parameters
+        ----------
+        R : array_like
+            Strength of the power law, force/length^(chi+2).
+        S : array_like
+            Strength of the Dirac slider, force/length.
+        chi : array_like
+            Exponent, 1.
+        phi_max : array_like
+            Deflection at macroslip, length.
+        """
+        return cls(**physical_of(R, S, chi, phi_max))
+
+    @property
+    def phi_max(self) -> Array:
+        """Deflection at macroslip, length (2.10)."""
+        return phi_max_of(self.F_S, self.K_T, self.chi, self.beta)
+
+    @property
+    def R(self) -> Array:
+        """Strength of the power law, force/length^(chi+2) (2.11)."""
+        return distribution_of(self.F_S, self.K_T, self.chi, self.beta)[0]
+
+    @property
+    def S(self) -> Array:
+        """Strength of the Dirac slider, force/length (A.5)."""
+        return distribution_of(self.F_S, self.K_T, self.chi, self.beta)[1]
+
+    @property
+    def initial_stiffness(self) -> Array:
+        """K_T, force/length."""
+        return self.K_T
+
+    @property
+    def limit_stiffness(self) -> Array:
+        """Zero: in macroslip the force stays at F_S."""
+        return jnp.zeros_like(self.K_T)
+
+    def law(self) -> Law:
+        """Virgin curve d -> (force, tangent), Eq. (3.25) and its macroslip continuation."""
+        n = self.chi + 1.0
+        inverse_phi = 1.0 / self.phi_max
+        scale = self.K_T * self.phi_max
+        share = 1.0 / (1.0 + self.beta)
+        reduction = share / (n + 1.0)
+        K_T = self.K_T
+
+        def evaluate(d: Array) -> tuple[Array, Array]:
+            x = d * inverse_phi
+            sticks = jnp.abs(x) < 1.0
+            m = jnp.where(sticks, x, jnp.sign(x))
+            p = power(jnp.abs(m), n)
+            return scale * m * (1.0 - reduction * p), jnp.where(sticks, K_T * (1.0 - share * p), 0.0)
+
+        return evaluate
+
+    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Secant stiffness of the cycle of amplitude \\|d\\|: K_T at 0, F_S/\\|d\\| in macroslip (4.9).
+
+        Parameters
+        ----------
+        d : array_like
+            Amplitude, length; its sign does not matter.
+        """
+        s = jnp.abs(deflection(d)) / self.phi_max
+        m = jnp.where(s < 1.0, s, 1.0)
+        p = power(m, self.chi + 1.0)
+        reduction = p / ((1.0 + self.beta) * (self.chi + 2.0))
+        return self.K_T * (1.0 - reduction) / jnp.where(s < 1.0, 1.0, s)
+
+    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
+        """Energy per cycle of amplitude \\|d\\|, force x length (3.27), exact in macroslip.
+
+        Parameters
+        ----------
+        d : array_like
+            Amplitude, length.
+        omega : array_like, optional
+            Ignored: the element does not depend on rate.
+        """
+        x = deflection(d) / self.phi_max
+        s = jnp.abs(x)
+        n, share = self.chi + 1.0, 1.0 / (1.0 + self.beta)
+        m = jnp.where(s < 1.0, s, 1.0)
+        p = power(m, n)
+        micro = share * n * p * m**2 / ((n + 1.0) * (n + 2.0))
+        macro = (1.0 - share / (n + 1.0)) * jnp.where(s < 1.0, 0.0, s - 1.0)
+        return 4.0 * self.K_T * self.phi_max**2 * (micro + macro)
+
+    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
+        """Loading branch of the steady loop of amplitude d_0, by Masing's rule."""
+        return masing_loading(self.law(), deflection(d), deflection(d_0))

@@ -1,0 +1,66 @@
+"""The Jenkins element: a spring in series with one Coulomb slider."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, deflection, parameter
+from iwanjax.joints.masing import masing_loading
+
+
+class Jenkins(AbstractJoint):
+    r"""Elastic, perfectly plastic element: F = K_T d up to F_S, then F_S (dry friction).
+
+    .. math:: D = 4 F_S\,\max(|d| - F_S/K_T,\ 0)
+
+    Parameters
+    ----------
+    F_S : float or array
+        Slip force, force.
+    K_T : float or array
+        Stiffness of the spring, force/length.
+    """
+
+    parameters: ClassVar[tuple[ParameterInfo, ...]] = (
+        ParameterInfo("F_S", "force", "slip force", lower=0.0, transform="log"),
+        ParameterInfo("K_T", "force/length", "stiffness before slip", lower=0.0, transform="log"),
+    )
+
+    F_S: Array = parameter("F_S")
+    K_T: Array = parameter("K_T")
+
+    @property
+    def initial_stiffness(self) -> Array:
+        """K_T, force/length."""
+        return self.K_T
+
+    @property
+    def limit_stiffness(self) -> Array:
+        """Zero: the force stays at F_S."""
+        return jnp.zeros_like(self.K_T)
+
+    def law(self) -> Law:
+        """Virgin curve d -> (force, tangent)."""
+        F_S, K_T = self.F_S, self.K_T
+        d_s = F_S / K_T
+
+        def evaluate(d: Array) -> tuple[Array, Array]:
+            sticks = jnp.abs(d) < d_s
+            return jnp.where(sticks, K_T * d, F_S * jnp.sign(d)), jnp.where(sticks, K_T, 0.0)
+
+        return evaluate
+
+    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Secant stiffness of the cycle of amplitude \\|d\\|, force/length."""
+        s = jnp.abs(deflection(d)) * self.K_T / self.F_S
+        return self.K_T / jnp.where(s < 1.0, 1.0, s)
+
+    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
+        """Energy per cycle of amplitude \\|d\\|, force x length (``omega`` is ignored)."""
+        slip = jnp.abs(deflection(d)) - self.F_S / self.K_T
+        return 4.0 * self.F_S * jnp.where(slip > 0.0, slip, 0.0)
+
+    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
+        """Loading branch of the steady loop of amplitude d_0, by Masing's rule."""
+        return masing_loading(self.law(), deflection(d), deflection(d_0))
