@@ -81,3 +81,8 @@ def as_real(value: ArrayLike, name: str) -> Array:
         bad = int(np.sum(~np.isfinite(array)))
         raise InputError(f"{name} holds {bad} NaN or infinite value(s); expected finite numbers")
     return jnp.asarray(array, dtype=jnp.zeros(()).dtype)
+
+
+def real(value: ArrayLike) -> Array:
+    """A real array of the session's precision; NaN passes, so that a missing point stays one."""
+    return jnp.asarray(value, dtype=jnp.zeros(()).dtype)

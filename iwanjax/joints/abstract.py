@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from iwanjax.errors import InputError
-from iwanjax.types import as_real, is_traced
+from iwanjax.types import as_real, is_traced, real
 
 Law: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """Deflection d -> (force, tangent stiffness) on the virgin curve, elementwise."""
@@ -72,6 +72,9 @@ class AbstractJoint(eqx.Module):
     """
 
     parameters: eqx.AbstractClassVar[tuple[ParameterInfo, ...]]
+    # Whether the force is always proportional to the deflection: such elements are part of
+    # the linear structure in a static solve.
+    linear: ClassVar[bool] = False
 
     @abc.abstractmethod
     def law(self) -> Law:
@@ -112,11 +115,11 @@ class AbstractJoint(eqx.Module):
         array
             Force, in the unit of the element's strength.
         """
-        return self.law()(deflection(d))[0]
+        return self.law()(real(d))[0]
 
     def tangent(self, d: ArrayLike) -> Float[Array, "..."]:
         """Slope of the virgin curve at deflection d, force/length."""
-        return self.law()(deflection(d))[1]
+        return self.law()(real(d))[1]
 
     def harmonic_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
         r"""In-phase first-harmonic stiffness of the steady cycle d cos(t).
@@ -132,7 +135,7 @@ class AbstractJoint(eqx.Module):
         d : array_like
             Amplitude, length.
         """
-        amplitude = jnp.abs(deflection(d))
+        amplitude = jnp.abs(real(d))
         at_rest = amplitude == 0
         safe = jnp.where(at_rest, 1.0, amplitude)
         total = jnp.zeros(jnp.broadcast_shapes(amplitude.shape, self.initial_stiffness.shape))
@@ -158,11 +161,22 @@ class AbstractJoint(eqx.Module):
         (d, force) : two (2 points,) arrays
             Closed curve; the enclosed area is ``dissipation(d_0)``.
         """
-        amplitude = deflection(d_0)
+        amplitude = real(d_0)
         # Cosine spacing resolves the steep start of each branch.
         up = -amplitude * jnp.cos(jnp.linspace(0.0, jnp.pi, points))
         force = self.loading(up, amplitude)
         return jnp.concatenate([up, -up]), jnp.concatenate([force, -force])
+
+    def __repr__(self) -> str:
+        """The element with its parameters as numbers, or shapes for batches."""
+        values = {info.name: getattr(self, info.name) for info in self.parameters}
+        shown = (
+            f"{name}={value:.6g}"
+            if not is_traced(value) and jnp.ndim(value) == 0
+            else f"{name}={jnp.shape(value)}"
+            for name, value in values.items()
+        )
+        return f"{type(self).__name__}({', '.join(shown)})"
 
     def __check_init__(self) -> None:
         """Hold every parameter against its bounds and the shapes against each other."""
@@ -193,8 +207,3 @@ class AbstractJoint(eqx.Module):
 def parameter(name: str) -> Any:
     """An Equinox field that turns what arrives into a real array and names it in errors."""
     return eqx.field(converter=lambda value: as_real(value, name))
-
-
-def deflection(d: ArrayLike) -> Array:
-    """A deflection as a real array; NaN passes, so that a missing point stays one point."""
-    return jnp.asarray(d, dtype=jnp.zeros(()).dtype)

@@ -4,8 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from iwanjax.joints.abstract import deflection, parameter
+from iwanjax.joints.abstract import parameter
 from iwanjax.joints.power import power
+from iwanjax.types import real
 
 
 class PowerLawDamping(eqx.Module):
@@ -31,5 +32,5 @@ class PowerLawDamping(eqx.Module):
 
     def __call__(self, amplitude: ArrayLike) -> Float[Array, "..."]:
         """Damping ratio at the given modal amplitude(s)."""
-        Q = jnp.abs(deflection(amplitude))
+        Q = jnp.abs(real(amplitude))
         return self.c_1 * power(Q, self.chi + 1.0) + self.zeta_0

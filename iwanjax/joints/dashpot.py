@@ -6,7 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from iwanjax.errors import InputError
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, deflection, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
+from iwanjax.types import real
 
 
 class Dashpot(AbstractJoint):
@@ -23,6 +24,7 @@ class Dashpot(AbstractJoint):
             "c", "force*time/length", "viscous coefficient", 0.0, closed="lower", transform="log"
         ),
     )
+    linear: ClassVar[bool] = True
 
     c: Array = parameter("c")
 
@@ -43,7 +45,7 @@ class Dashpot(AbstractJoint):
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
         """Zero: the force is in quadrature with the deflection."""
-        return jnp.zeros_like(self.c) * deflection(d)
+        return jnp.zeros_like(self.c) * real(d)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Energy per cycle :math:`\pi c\,\omega d^2`, force x length.
@@ -62,7 +64,7 @@ class Dashpot(AbstractJoint):
         """
         if omega is None:
             raise InputError("Dashpot.dissipation needs omega= (rad/s): its loss depends on rate")
-        return jnp.pi * self.c * deflection(omega) * deflection(d) ** 2
+        return jnp.pi * self.c * real(omega) * real(d) ** 2
 
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """The in-phase part of the loop: zero."""

@@ -1,14 +1,15 @@
 """Segalman's four-parameter Iwan element in closed form."""
 
+from collections.abc import Callable
 from typing import ClassVar, Self
 
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, deflection, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.power import power
-from iwanjax.types import as_real
+from iwanjax.types import as_real, real
 
 IWAN_PARAMETERS = (
     ParameterInfo("F_S", "force", "force at macroslip", lower=0.0, transform="log"),
@@ -44,9 +45,7 @@ def distribution_of(F_S: Array, K_T: Array, chi: Array, beta: Array) -> tuple[Ar
     return power_law_share * (chi + 1.0) / phi_max ** (chi + 1.0), beta * power_law_share
 
 
-def physical_of(
-    R: ArrayLike, S: ArrayLike, chi: ArrayLike, phi_max: ArrayLike
-) -> dict[str, Array]:
+def physical_of(R: ArrayLike, S: ArrayLike, chi: ArrayLike, phi_max: ArrayLike) -> dict[str, Array]:
     """Parameters F_S, K_T, chi, beta of a distribution, thesis Eqs. (A.3) to (A.5)."""
     R, S = as_real(R, "R"), as_real(S, "S")
     chi, phi_max = as_real(chi, "chi"), as_real(phi_max, "phi_max")
@@ -149,38 +148,32 @@ class Iwan4(AbstractJoint):
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent), Eq. (3.25) and its macroslip continuation."""
-        n = self.chi + 1.0
-        inverse_phi = 1.0 / self.phi_max
         scale = self.K_T * self.phi_max
         share = 1.0 / (1.0 + self.beta)
-        reduction = share / (n + 1.0)
-        K_T = self.K_T
+        reduction = share / (self.chi + 2.0)
+        normalised, K_T = self._normalised(), self.K_T
 
         def evaluate(d: Array) -> tuple[Array, Array]:
-            x = d * inverse_phi
-            sticks = jnp.abs(x) < 1.0
-            m = jnp.where(sticks, x, jnp.sign(x))
-            p = power(jnp.abs(m), n)
-            return scale * m * (1.0 - reduction * p), jnp.where(sticks, K_T * (1.0 - share * p), 0.0)
+            x, sticks, _, p = normalised(d)
+            force = scale * jnp.where(sticks, x, jnp.sign(x)) * (1.0 - reduction * p)
+            return force, jnp.where(sticks, K_T * (1.0 - share * p), 0.0)
 
         return evaluate
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """Secant stiffness of the cycle of amplitude \\|d\\|: K_T at 0, F_S/\\|d\\| in macroslip (4.9).
+        """Secant stiffness of the cycle of amplitude |d|: K_T at 0, F_S/|d| in macroslip (4.9).
 
         Parameters
         ----------
         d : array_like
             Amplitude, length; its sign does not matter.
         """
-        s = jnp.abs(deflection(d)) / self.phi_max
-        m = jnp.where(s < 1.0, s, 1.0)
-        p = power(m, self.chi + 1.0)
+        x, sticks, _, p = self._normalised()(real(d))
         reduction = p / ((1.0 + self.beta) * (self.chi + 2.0))
-        return self.K_T * (1.0 - reduction) / jnp.where(s < 1.0, 1.0, s)
+        return self.K_T * (1.0 - reduction) / jnp.where(sticks, 1.0, jnp.abs(x))
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
-        """Energy per cycle of amplitude \\|d\\|, force x length (3.27), exact in macroslip.
+        """Energy per cycle of amplitude |d|, force x length (3.27), exact in macroslip.
 
         Parameters
         ----------
@@ -189,15 +182,28 @@ class Iwan4(AbstractJoint):
         omega : array_like, optional
             Ignored: the element does not depend on rate.
         """
-        x = deflection(d) / self.phi_max
-        s = jnp.abs(x)
+        x, sticks, m, p = self._normalised()(real(d))
         n, share = self.chi + 1.0, 1.0 / (1.0 + self.beta)
-        m = jnp.where(s < 1.0, s, 1.0)
-        p = power(m, n)
-        micro = share * n * p * m**2 / ((n + 1.0) * (n + 2.0))
-        macro = (1.0 - share / (n + 1.0)) * jnp.where(s < 1.0, 0.0, s - 1.0)
+        micro = share * n / ((n + 1.0) * (n + 2.0)) * p * m**2
+        macro = (1.0 - share / (n + 1.0)) * jnp.where(sticks, 0.0, jnp.abs(x) - 1.0)
         return 4.0 * self.K_T * self.phi_max**2 * (micro + macro)
 
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """Loading branch of the steady loop of amplitude d_0, by Masing's rule."""
-        return masing_loading(self.law(), deflection(d), deflection(d_0))
+        return masing_loading(self.law(), real(d), real(d_0))
+
+    def _normalised(self) -> Callable[[Array], tuple[Array, Array, Array, Array]]:
+        """The map d -> x = d/phi_max, whether |x| < 1, m = min(|x|, 1) and m^(chi+1).
+
+        One form for all methods, so that a compiler finds the power they share.
+        """
+        inverse_phi, n = 1.0 / self.phi_max, self.chi + 1.0
+
+        def evaluate(d: Array) -> tuple[Array, Array, Array, Array]:
+            x = d * inverse_phi
+            s = jnp.abs(x)
+            sticks = s < 1.0
+            m = jnp.where(sticks, s, 1.0)
+            return x, sticks, m, power(m, n)
+
+        return evaluate

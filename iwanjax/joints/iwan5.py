@@ -5,9 +5,10 @@ from typing import ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, deflection, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
 from iwanjax.joints.iwan4 import IWAN_PARAMETERS, distribution_of, phi_max_of, physical_of
 from iwanjax.joints.power import is_positive, power
+from iwanjax.types import real
 
 
 class Iwan5(AbstractJoint):
@@ -93,9 +94,7 @@ class Iwan5(AbstractJoint):
         Equivalent while the amplitude is below (1 + theta)/2 of the largest so far.
         """
         bracket = (1.0 - self.theta) * self.chi + 2.0
-        return (
-            self.R * bracket * 2.0 ** (self.chi + 1.0) / (1.0 + self.theta) ** (self.chi + 2.0)
-        )
+        return self.R * bracket * 2.0 ** (self.chi + 1.0) / (1.0 + self.theta) ** (self.chi + 2.0)
 
     @property
     def initial_stiffness(self) -> Array:
@@ -127,10 +126,8 @@ class Iwan5(AbstractJoint):
 
         return evaluate
 
-    def secant(
-        self, d: ArrayLike, d_max: ArrayLike | None = None
-    ) -> Float[Array, "..."]:
-        """Secant stiffness of the steady cycle of amplitude \\|d\\| (4.7), (4.35) and macroslip.
+    def secant(self, d: ArrayLike, d_max: ArrayLike | None = None) -> Float[Array, "..."]:
+        """Secant stiffness of the steady cycle of amplitude |d| (4.7), (4.35) and macroslip.
 
         Parameters
         ----------
@@ -162,7 +159,7 @@ class Iwan5(AbstractJoint):
         *,
         omega: ArrayLike | None = None,
     ) -> Float[Array, "..."]:
-        """Energy per steady cycle of amplitude \\|d\\| (4.8), (4.36) and macroslip, force x length.
+        """Energy per steady cycle of amplitude |d| (4.8), (4.36) and macroslip, force x length.
 
         Parameters
         ----------
@@ -175,14 +172,14 @@ class Iwan5(AbstractJoint):
         n, share, theta = self.chi + 1.0, 1.0 / (1.0 + self.beta), self.theta
         w_n = power(cycle, n)
         v_n = power(slipped, n)
-        within = (
-            share * n * w_n * cycle**2 * ((1.0 - theta) * self.chi + 2.0) * (1.0 + theta)
-        ) / ((n + 1.0) * (n + 2.0))
+        within = (share * n * w_n * cycle**2 * ((1.0 - theta) * self.chi + 2.0) * (1.0 + theta)) / (
+            (n + 1.0) * (n + 2.0)
+        )
         steady = (2.0 * theta * (n + 3.0) + (1.0 - 3.0 * theta**2) * (n + 1.0)) / (
             (n + 1.0) * (n + 2.0)
         )
-        all_reslip = share * n * v_n * slipped * (
-            steady * slipped + 4.0 * theta / (n + 1.0) * (u - slipped)
+        all_reslip = (
+            share * n * v_n * slipped * (steady * slipped + 4.0 * theta / (n + 1.0) * (u - slipped))
         )
         macroslip = (
             share * n * steady
@@ -205,7 +202,7 @@ class Iwan5(AbstractJoint):
         d_0 : array_like
             Largest amplitude so far, length; in macroslip too.
         """
-        d, d_0 = deflection(d), jnp.abs(deflection(d_0))
+        d, d_0 = real(d), jnp.abs(real(d_0))
         n, share, theta = self.chi + 1.0, 1.0 / (1.0 + self.beta), self.theta
         peak = d_0 / self.phi_max
         slipped = jnp.where(peak < 1.0, peak, 1.0)
@@ -222,12 +219,10 @@ class Iwan5(AbstractJoint):
         rise = jnp.where(reslipping, within, jnp.where(peak < 1.0, all_reslip, macroslip))
         return self.K_T * self.phi_max * rise - self.law()(d_0)[0]
 
-    def _cycle(
-        self, d: ArrayLike, d_max: ArrayLike | None
-    ) -> tuple[Array, Array, Array, Array]:
+    def _cycle(self, d: ArrayLike, d_max: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
         """Normalised amplitude, largest slipped threshold, largest reslipping one, and regime."""
-        u = jnp.abs(deflection(d)) / self.phi_max
-        largest = u if d_max is None else jnp.abs(deflection(d_max)) / self.phi_max
+        u = jnp.abs(real(d)) / self.phi_max
+        largest = u if d_max is None else jnp.abs(real(d_max)) / self.phi_max
         largest = jnp.where(largest > u, largest, u)
         slipped = jnp.where(largest < 1.0, largest, 1.0)
         cycle = 2.0 * u / (1.0 + self.theta)

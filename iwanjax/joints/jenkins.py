@@ -5,8 +5,9 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, deflection, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
 from iwanjax.joints.masing import masing_loading
+from iwanjax.types import real
 
 
 class Jenkins(AbstractJoint):
@@ -52,15 +53,15 @@ class Jenkins(AbstractJoint):
         return evaluate
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """Secant stiffness of the cycle of amplitude \\|d\\|, force/length."""
-        s = jnp.abs(deflection(d)) * self.K_T / self.F_S
+        """Secant stiffness of the cycle of amplitude |d|, force/length."""
+        s = jnp.abs(real(d)) * self.K_T / self.F_S
         return self.K_T / jnp.where(s < 1.0, 1.0, s)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
-        """Energy per cycle of amplitude \\|d\\|, force x length (``omega`` is ignored)."""
-        slip = jnp.abs(deflection(d)) - self.F_S / self.K_T
+        """Energy per cycle of amplitude |d|, force x length (``omega`` is ignored)."""
+        slip = jnp.abs(real(d)) - self.F_S / self.K_T
         return 4.0 * self.F_S * jnp.where(slip > 0.0, slip, 0.0)
 
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """Loading branch of the steady loop of amplitude d_0, by Masing's rule."""
-        return masing_loading(self.law(), deflection(d), deflection(d_0))
+        return masing_loading(self.law(), real(d), real(d_0))

@@ -5,7 +5,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, deflection, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
+from iwanjax.types import real
 
 
 def _lossless(d: ArrayLike, stiffness: Array) -> Array:
@@ -25,6 +26,7 @@ class LinearSpring(AbstractJoint):
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("k", "force/length", "stiffness", 0.0, closed="lower", transform="log"),
     )
+    linear: ClassVar[bool] = True
 
     k: Array = parameter("k")
 
@@ -44,7 +46,7 @@ class LinearSpring(AbstractJoint):
         return lambda d: (k * d, k * jnp.ones_like(d))
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """k whatever the amplitude, force/length."""
+        """K whatever the amplitude, force/length."""
         return self.k + _lossless(d, self.k)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
@@ -88,7 +90,7 @@ class CubicSpring(AbstractJoint):
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
         """k3 d^2, force/length."""
-        return self.k3 * deflection(d) ** 2
+        return self.k3 * real(d) ** 2
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         """Zero."""
@@ -139,8 +141,8 @@ class Gap(AbstractJoint):
         return evaluate
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """k (1 - gap/|d|) beyond the gap, 0 within, force/length."""
-        amplitude = jnp.abs(deflection(d))
+        """K (1 - gap/|d|) beyond the gap, 0 within, force/length."""
+        amplitude = jnp.abs(real(d))
         touches = amplitude > self.gap
         safe = jnp.where(touches, amplitude, 1.0)
         return jnp.where(touches, self.k * (1.0 - self.gap / safe), self.initial_stiffness)

@@ -1,0 +1,110 @@
+# On a machine with Python 3.11 to 3.13, make and git, `make demo` and `make test` do everything:
+# each first makes or refreshes the environment in .venv from uv.lock.
+#
+#   PYTHON=...  the interpreter to use; else the one in .venv, else the newest one found
+#   UV=...      the uv to use; else a recent one on PATH, else one installed by pip into .tools
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+
+VENV := .venv
+BIN := $(VENV)/bin
+TEST_EXTRAS := dev notebooks
+# The first to know --system-certs that was tried with this uv.lock.
+UV_REQUIREMENT := uv>=0.13
+
+ifndef UV
+UV := $(or $(shell uv sync --system-certs --help >/dev/null 2>&1 && command -v uv),.tools/bin/uv)
+endif
+
+export UV_PYTHON_DOWNLOADS := never
+export UV_PROJECT_ENVIRONMENT := $(VENV)
+# Certificates that pip already trusts: the system's, and the file pip was told of.
+export UV_SYSTEM_CERTS := 1
+ifdef PIP_CERT
+export SSL_CERT_FILE ?= $(PIP_CERT)
+endif
+# pyright's own Node.js comes with it; the system's may be too old to run it.
+export PYRIGHT_PYTHON_GLOBAL_NODE := 0
+export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
+# Another active environment is not the one in use here.
+unexport VIRTUAL_ENV
+
+# The stamps lie inside .venv, so they go whenever uv makes it anew.
+CORE := $(VENV)/.core-synced
+TEST := $(VENV)/.test-synced
+# __init__.py holds the version, which the installed metadata repeats.
+SOURCES := pyproject.toml uv.lock Makefile iwanjax/__init__.py
+
+VERSION := -c 'import sys; print("%d.%d" % sys.version_info[:2], sys.executable)'
+
+# A pyenv shim exists for every version pyenv has and fails for those not selected, so a candidate
+# counts only once it has run.
+define PICK_PYTHON
+python=; seen=; \
+for candidate in $(or $(PYTHON),$(wildcard $(BIN)/python) python3.13 python3.12 python3.11 python3); do \
+	found=$$("$$candidate" $(VERSION) 2>/dev/null) || continue; \
+	case "$${found%% *}" in 3.11|3.12|3.13) python="$${found#* }"; break;; esac; \
+	seen="$$seen, $$candidate is $${found%% *}"; \
+done; \
+if [ -z "$$python" ]; then \
+	echo "iwanjax needs Python 3.11, 3.12 or 3.13; found: $${seen:-, none that runs}." \
+		"Install one, or name it: make PYTHON=/path/to/python3" | sed 's/found: , /found: /' >&2; \
+	exit 1; \
+fi
+endef
+
+SYNC = $(PICK_PYTHON); "$(UV)" sync --locked --inexact --python "$$python"
+
+.PHONY: help env demo test lint bench lock clean FORCE
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-12s%s\n", $$1, $$2}'
+
+env: $(TEST) ## make or refresh .venv with all that demo, test and notebooks need
+
+demo: $(CORE) ## frequency and damping of three masses with a joint, drawn into results/
+	@$(BIN)/iwanjax qsma configs/three_mass.yaml --out results/three_mass
+
+test: lint ## check style and types, then run the tests
+	$(BIN)/pytest -n 2
+
+lint: $(TEST) ## check style and types only
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+bench: $(TEST) ## time the kernels, one process
+	$(BIN)/pytest tests/benchmarks --benchmark-only
+
+lock: | $(UV) ## bring uv.lock in line with pyproject.toml (UPGRADE=1: newest versions)
+	@$(PICK_PYTHON); "$(UV)" lock $(if $(UPGRADE),--upgrade) --python "$$python"
+
+clean: ## remove the environment and all caches, but not results/
+	rm -rf $(VENV) .tools .pytest_cache .ruff_cache .hypothesis .benchmarks .jax_cache build dist
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# An existing .venv of another Python than the one asked for is made anew.
+ifdef PYTHON
+ifneq ($(firstword $(shell $(PYTHON) $(VERSION) 2>/dev/null)),$(firstword $(shell $(BIN)/python $(VERSION) 2>/dev/null)))
+$(CORE) $(TEST): FORCE
+endif
+endif
+
+$(CORE): $(SOURCES) | $(UV)
+	@$(SYNC)
+	@touch $@
+
+$(TEST): $(SOURCES) | $(UV)
+	@$(SYNC) $(TEST_EXTRAS:%=--extra %)
+	@touch $(CORE) $@
+
+.tools/bin/uv:
+	@$(PICK_PYTHON); \
+	if ! "$$python" -c 'import ensurepip, venv' 2>/dev/null; then \
+		echo "$$python cannot make virtual environments: install its venv module" \
+			"(python3-venv on Debian and Ubuntu), or put uv on PATH." >&2; \
+		exit 1; \
+	fi; \
+	"$$python" -m venv --clear .tools && \
+	.tools/bin/python -m pip install --quiet --disable-pip-version-check "$(UV_REQUIREMENT)"

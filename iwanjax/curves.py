@@ -1,0 +1,117 @@
+"""Frequency and damping of a mode against its amplitude, measured or predicted."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from iwanjax.errors import InputError
+from iwanjax.types import is_traced, real
+
+
+class ModalCurves(eqx.Module):
+    r"""Amplitude-dependent frequency and damping of one mode, or of a batch of them.
+
+    Measured and predicted curves share this type. The last axis runs over amplitude
+    levels; leading axes, if any, over modes and parameter sets.
+
+    Parameters
+    ----------
+    amplitude : (..., levels) array_like
+        Vibration amplitude, in ``unit``; increasing levels are not required (a
+        ring-down gives falling ones).
+    frequency : (..., levels) array_like
+        Natural frequency, Hz.
+    damping : (..., levels) array_like
+        Damping ratio, 1.
+    amplitude_std, frequency_std, damping_std : (..., levels) array_like, optional
+        Standard deviations, in the units of their curves; None where not known.
+    quantity : str
+        What ``amplitude`` measures: ``"modal displacement"`` (mass-normalised, q),
+        ``"displacement"``, ``"velocity"`` or ``"acceleration"``.
+    unit : str
+        Unit of ``amplitude`` for labels, for instance ``"mm"``.
+    name : str
+        Name of the mode for legends.
+
+    Raises
+    ------
+    InputError
+        When the arrays are not numbers or their shapes do not match ``amplitude``.
+    """
+
+    amplitude: Float[Array, "*batch levels"]
+    frequency: Float[Array, "*batch levels"]
+    damping: Float[Array, "*batch levels"]
+    amplitude_std: Float[Array, "*batch levels"] | None
+    frequency_std: Float[Array, "*batch levels"] | None
+    damping_std: Float[Array, "*batch levels"] | None
+    quantity: str = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    name: str = eqx.field(static=True)
+
+    def __init__(
+        self,
+        amplitude: ArrayLike,
+        frequency: ArrayLike,
+        damping: ArrayLike,
+        *,
+        amplitude_std: ArrayLike | None = None,
+        frequency_std: ArrayLike | None = None,
+        damping_std: ArrayLike | None = None,
+        quantity: str = "modal displacement",
+        unit: str = "",
+        name: str = "",
+    ):
+        self.amplitude = real(amplitude)
+        self.frequency = self._matched(frequency, "frequency")
+        self.damping = self._matched(damping, "damping")
+        self.amplitude_std = self._deviation(amplitude_std, "amplitude_std")
+        self.frequency_std = self._deviation(frequency_std, "frequency_std")
+        self.damping_std = self._deviation(damping_std, "damping_std")
+        self.quantity, self.unit, self.name = quantity, unit, name
+
+    def scaled(self, factor: ArrayLike, quantity: str, unit: str = "") -> "ModalCurves":
+        """The same curves against another amplitude, proportional to the present one.
+
+        Parameters
+        ----------
+        factor : array_like
+            New amplitude per present amplitude, for instance a sensor's row of the mode
+            shape, ``abs(row @ phi)``; broadcast against ``amplitude``.
+        quantity, unit : str
+            What the new amplitude measures and its unit.
+
+        Returns
+        -------
+        ModalCurves
+        """
+        factor = real(factor)
+        deviation = self.amplitude_std
+        return ModalCurves(
+            self.amplitude * factor,
+            self.frequency,
+            self.damping,
+            amplitude_std=None if deviation is None else deviation * factor,
+            frequency_std=self.frequency_std,
+            damping_std=self.damping_std,
+            quantity=quantity,
+            unit=unit,
+            name=self.name,
+        )
+
+    def _matched(self, value: ArrayLike, name: str) -> Array:
+        array = real(value)
+        if array.shape != self.amplitude.shape:
+            raise InputError(
+                f"ModalCurves: {name} has shape {array.shape}, amplitude has "
+                f"{self.amplitude.shape}; they must match"
+            )
+        return array
+
+    def _deviation(self, value: ArrayLike | None, name: str) -> Array | None:
+        if value is None:
+            return None
+        array = self._matched(value, name)
+        if not is_traced(array) and np.any(np.asarray(array) < 0):
+            raise InputError(f"ModalCurves: {name} holds a negative standard deviation")
+        return array

@@ -1,0 +1,6 @@
+"""Quasi-static modal analysis: one static solve a level instead of a ring-down."""
+
+from iwanjax.quasistatic.qsma import QsmaSolution, qsma
+from iwanjax.quasistatic.work import work_dissipation
+
+__all__ = ["QsmaSolution", "qsma", "work_dissipation"]

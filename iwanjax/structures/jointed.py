@@ -1,0 +1,215 @@
+"""A linear structure with joints at named deflection rows."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+from jaxtyping import Array, ArrayLike, Float
+
+from iwanjax.errors import InputError
+from iwanjax.joints import AbstractJoint
+from iwanjax.structures.checks import finite_array
+from iwanjax.structures.linear import LinearStructure, Modes
+from iwanjax.types import is_traced
+
+
+class ModalBasis(eqx.Module):
+    """Elastic modes at a reference joint stiffness, and what the joints see of them.
+
+    Parameters
+    ----------
+    omega2 : (modes,) array
+        Squared natural frequencies, (rad/s)^2.
+    Phi : (n, modes) array
+        Mass-normalised shapes.
+    P : (joints, modes) array
+        Joint deflections per unit modal displacement, rows @ Phi.
+    stiffness : (joints,) array
+        Tangent stiffness of each joint that ``omega2`` includes, force/length.
+    independent : tuple of int
+        Joints whose rows are linearly independent; the others' deflections follow.
+    """
+
+    omega2: Float[Array, " modes"]
+    Phi: Float[Array, "n modes"]
+    P: Float[Array, "joints modes"]
+    stiffness: Float[Array, " joints"]
+    independent: tuple[int, ...] = eqx.field(static=True)
+
+
+class JointedStructure(eqx.Module):
+    r"""M u'' + C u' + K u + sum_j b_j f_j(b_j^T u) = f (thesis Eqs. 2.1, 3.1).
+
+    Its modes at low amplitude, where every joint contributes its initial stiffness, are
+    worked out once. Joints given later by :meth:`with_joints` (batches of them, or the
+    traced ones of a gradient) are treated as modifications of this reference, exactly
+    and without another eigenproblem.
+
+    Parameters
+    ----------
+    structure : LinearStructure
+        The structure without joints.
+    joints : mapping of str to (row, joint)
+        For each label the (n,) row with deflection d = row @ u, and the element.
+
+    Raises
+    ------
+    InputError
+        For rows of wrong length, zero or not finite, for things that are not joints, and
+        where the joints' stiffness makes the structure unstable.
+    """
+
+    structure: LinearStructure
+    labels: tuple[str, ...] = eqx.field(static=True)
+    rows: Float[Array, "joints n"]
+    elements: tuple[AbstractJoint, ...]
+    basis: ModalBasis
+
+    def __init__(
+        self,
+        structure: LinearStructure,
+        joints: Mapping[str, tuple[ArrayLike, AbstractJoint]],
+    ):
+        if not isinstance(structure, LinearStructure):
+            raise InputError(
+                f"JointedStructure expects a LinearStructure, got {type(structure).__name__}"
+            )
+        if not isinstance(joints, Mapping) or not joints:
+            raise InputError(
+                "JointedStructure expects a mapping {label: (row, joint)} with at least one joint"
+            )
+        rows, elements = [], []
+        for label, entry in joints.items():
+            row, element = _entry(label, entry, structure.size)
+            rows.append(row)
+            elements.append(element)
+        if is_traced(elements):
+            raise InputError(
+                "JointedStructure cannot be built from joints that are being traced: build it "
+                "once outside jit, grad or vmap, and use with_joints inside"
+            )
+        B = np.stack(rows)
+        # A batch of parameter sets is referred to its middle.
+        stiffness = np.array([float(np.median(joint.initial_stiffness)) for joint in elements])
+        stuck = LinearStructure(
+            structure.M, structure.C, np.asarray(structure.K) + (B.T * stiffness) @ B
+        )
+        omega, Phi = stuck.modes()
+        self.structure = structure
+        self.labels = tuple(joints)
+        self.rows = jnp.asarray(B)
+        self.elements = tuple(elements)
+        P = B @ np.asarray(Phi)
+        self.basis = ModalBasis(
+            omega**2,
+            Phi,
+            jnp.asarray(P),
+            jnp.asarray(stiffness),
+            _independent_rows(P / np.asarray(omega), self.labels),
+        )
+
+    @property
+    def joints(self) -> dict[str, AbstractJoint]:
+        """The elements by label."""
+        return dict(zip(self.labels, self.elements, strict=True))
+
+    def with_joints(self, joints: Mapping[str, AbstractJoint]) -> "JointedStructure":
+        """The same structure with some elements replaced, keeping the modal reference.
+
+        Parameters
+        ----------
+        joints : mapping of str to joint
+            New elements for existing labels; parameters may be batched or traced.
+
+        Raises
+        ------
+        InputError
+            For a label the structure does not have.
+        """
+        for label in joints:
+            if label not in self.labels:
+                raise InputError(
+                    f"with_joints: no joint is called {label!r}; there are {', '.join(self.labels)}"
+                )
+        elements = tuple(joints.get(label, old) for label, old in self.joints.items())
+        return eqx.tree_at(lambda js: js.elements, self, elements)
+
+    def modes(self, limit: Literal["low", "high"] = "low") -> Modes:
+        """Elastic modes at vanishing or at very large amplitude (thesis Eq. 2.4).
+
+        Parameters
+        ----------
+        limit : {"low", "high"}
+            Joints as springs of their initial stiffness, or of their stiffness at large
+            amplitude (none for an Iwan element: all its sliders slip).
+
+        Returns
+        -------
+        Modes
+            Circular frequencies in rad/s and mass-normalised shapes, rigid-body modes
+            taken out.
+
+        Raises
+        ------
+        InputError
+            For a batch of parameter sets, or a joint whose stiffness has no limit.
+        """
+        return self.linearised(limit).modes()
+
+    def linearised(self, limit: Literal["low", "high"] = "low") -> LinearStructure:
+        """The linear structure that the joints leave at one end of the amplitude range.
+
+        Parameters and errors as for :meth:`modes`.
+        """
+        stiffness = np.stack(
+            [
+                np.asarray(joint.initial_stiffness if limit == "low" else joint.limit_stiffness)
+                for joint in self.elements
+            ]
+        )
+        if stiffness.ndim != 1:
+            raise InputError(
+                f"modes: the joints carry a batch of shape {stiffness.shape[1:]}; take one "
+                "parameter set, or use qsma, which follows the modes through a batch"
+            )
+        if not np.all(np.isfinite(stiffness)):
+            label = self.labels[int(np.argmin(np.isfinite(stiffness)))]
+            raise InputError(
+                f"modes: joint {label!r} has no stiffness at large amplitude: its force "
+                "outgrows its deflection"
+            )
+        B, K = np.asarray(self.rows), np.asarray(self.structure.K)
+        return LinearStructure(self.structure.M, self.structure.C, K + (B.T * stiffness) @ B)
+
+
+def _entry(label: str, entry: object, n: int) -> tuple[np.ndarray, AbstractJoint]:
+    """One checked (row, joint) pair."""
+    if not isinstance(label, str):
+        raise InputError(f"joint label {label!r} is not a string")
+    if not isinstance(entry, tuple | list) or len(entry) != 2:
+        raise InputError(f"joint {label!r}: expected (row, joint), got {type(entry).__name__}")
+    row = finite_array(entry[0], f"row of joint {label!r}")
+    if row.shape != (n,):
+        raise InputError(f"row of joint {label!r} has shape {row.shape}; expected ({n},) like M")
+    if not np.any(row):
+        raise InputError(f"row of joint {label!r} is all zeros: the joint connects nothing")
+    if not isinstance(entry[1], AbstractJoint):
+        raise InputError(
+            f"joint {label!r}: expected a joint element such as Iwan4(...), got "
+            f"{type(entry[1]).__name__}"
+        )
+    return row, entry[1]
+
+
+def _independent_rows(flexible: np.ndarray, labels: tuple[str, ...]) -> tuple[int, ...]:
+    """Joints whose deflections span those of all, by pivoted QR of P / omega."""
+    norms = np.linalg.norm(flexible, axis=1)
+    if np.any(norms == 0):
+        label = labels[int(np.argmin(norms))]
+        raise InputError(f"joint {label!r} does not deflect in any elastic mode")
+    _, R, order = scipy.linalg.qr((flexible / norms[:, None]).T, mode="economic", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(R)) > 1e-7))
+    return tuple(sorted(int(i) for i in order[:rank]))

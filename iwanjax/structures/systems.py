@@ -1,0 +1,77 @@
+"""Systems the literature keeps coming back to, by name and with their options."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from iwanjax.errors import InputError
+from iwanjax.joints import AbstractJoint, Iwan4
+from iwanjax.structures.jointed import JointedStructure
+from iwanjax.structures.linear import LinearStructure
+from iwanjax.types import as_real
+
+
+def three_mass(
+    *, mass: float = 10.0, stiffness: float = 9.0, joint: AbstractJoint | None = None
+) -> JointedStructure:
+    """Segalman's chain: ground - m1 - m2 = m3, an Iwan joint beside the last spring.
+
+    Thesis Sec. 2.3.1. The joint is called ``"J1"`` and sees u3 - u2.
+
+    Parameters
+    ----------
+    mass : float
+        Each mass, 10.
+    stiffness : float
+        Each spring (ground-1, 1-2, 2-3), 9.
+    joint : joint, optional
+        Iwan4 with F_S = 10, K_T = 1, chi = -0.5, beta = 5 by default.
+    """
+    m, k = _positive(mass, "mass"), _positive(stiffness, "stiffness")
+    structure = LinearStructure(
+        m * np.eye(3), None, k * np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    )
+    element = Iwan4(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0) if joint is None else joint
+    return JointedStructure(structure, {"J1": (np.array([0.0, -1.0, 1.0]), element)})
+
+
+def oscillator(
+    *, mass: float = 1.0, stiffness: float, joint: AbstractJoint, zeta: float = 0.0
+) -> JointedStructure:
+    """One mass on a spring and a joint in parallel: Sec. 4.5, and the modal Iwan model (2.7).
+
+    With unit mass the coordinate is a mass-normalised modal displacement and the joint a
+    modal Iwan element; ``stiffness`` is then omega_inf squared. The joint is ``"J1"``.
+
+    Parameters
+    ----------
+    mass : float
+        Mass, 1.
+    stiffness : float
+        Spring beside the joint (K_inf), force/length.
+    joint : joint
+        The element.
+    zeta : float
+        Damping ratio at low amplitude, 1.
+    """
+    m, k = _positive(mass, "mass"), _positive(stiffness, "stiffness")
+    if zeta < 0:
+        raise InputError(f"oscillator: zeta = {zeta:g} is negative")
+    low = k + float(joint.initial_stiffness)
+    c = 2.0 * zeta * np.sqrt(m * low)
+    return JointedStructure(LinearStructure([[m]], [[c]], [[k]]), {"J1": (np.array([1.0]), joint)})
+
+
+def _positive(value: ArrayLike, name: str) -> float:
+    number = float(as_real(value, name))
+    if number <= 0:
+        raise InputError(f"{name} = {number:g} must be positive")
+    return number
+
+
+SYSTEMS: dict[str, Callable[..., JointedStructure]] = {
+    "three_mass": three_mass,
+    "oscillator": oscillator,
+}
+"""Builders that a study file may name."""

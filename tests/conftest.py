@@ -1,0 +1,30 @@
+"""Set-up that every test shares: double precision, no display, no time limits under JIT."""
+
+import os
+from pathlib import Path
+
+# JAX reads this when it is imported; a GPU in the machine must not change what the tests see.
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+
+import hypothesis
+import jax
+import matplotlib as mpl
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+mpl.use("Agg")
+
+# The first example of a test compiles, so no time per example is fair.
+hypothesis.settings.register_profile("default", deadline=None)
+hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+
+@pytest.fixture(scope="session")
+def reference_data() -> Path:
+    """Folder of measured and published data, which is not part of the repository."""
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = Path(os.environ.get("IWANJAX_DATA", beside))
+    if not folder.is_dir():
+        pytest.skip(f"no reference data in {folder}; set IWANJAX_DATA to their folder")
+    return folder

@@ -1,0 +1,148 @@
+"""Modules import one way only: from strictly lower layers or from their own room.
+
+A room is a module or package directly under ``iwanjax``. Imports inside functions and under
+``TYPE_CHECKING`` count too, since a reader has to follow them all the same.
+"""
+
+import ast
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+LAYERS = [
+    {"errors", "types", "curves", "results"},
+    {"joints", "signals"},
+    {"structures"},
+    {"quasistatic", "dynamics"},
+    {"updating"},
+    {"discrepancy"},
+    {"plotting", "report", "config"},
+    {"cli"},
+]
+LAYER_OF = {room: layer for layer, rooms in enumerate(LAYERS) for room in rooms}
+
+PACKAGE = Path(__file__).resolve().parents[1] / "iwanjax"
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def room_of(name: str) -> str:
+    """Second part of a dotted name; empty for iwanjax itself."""
+    return "".join(name.split(".")[1:2])
+
+
+PATHS = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+ROOMS = sorted({room_of(module) for module in PATHS} - {"", "__main__"})
+
+
+def imports(module: str, source: str, is_package: bool = False) -> set[str]:
+    """Absolute names of what ``source`` imports from iwanjax, whether modules or their contents.
+
+    Importing the package itself, or a name from it, gives ``"iwanjax"``.
+    """
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            parents = module.split(".")
+            base = parents[: len(parents) - node.level + is_package] if node.level else []
+            base = ".".join([*base, *filter(None, [node.module])])
+            found |= {base if base == "iwanjax" else f"{base}.{alias.name}" for alias in node.names}
+    return {name for name in found if name.split(".")[0] == "iwanjax"}
+
+
+def faults(module: str, imported: set[str]) -> list[str]:
+    """What is wrong with ``module`` importing these names, one sentence each."""
+    room = room_of(module)
+    found = []
+    for name in sorted(imported):
+        target = room_of(name)
+        if not target:
+            found.append(f"{module} imports iwanjax itself; import from the module that defines it")
+        elif not room:
+            if target == "cli":
+                found.append("iwanjax imports cli, which every user of the library would then load")
+        elif room == "__main__" or target == room:
+            continue
+        elif unplaced := {room, target} - LAYER_OF.keys():
+            found.append(f"place {', '.join(sorted(unplaced))} in the table LAYERS of this test")
+        elif LAYER_OF[target] >= LAYER_OF[room] and not LAYER_OF[target] == LAYER_OF[room] == 0:
+            found.append(
+                f"{module} (layer {LAYER_OF[room]}) imports {name} (layer {LAYER_OF[target]})"
+            )
+    return found
+
+
+def cycle(graph: dict[str, set[str]]) -> list[str]:
+    """Some cycle of the import graph, or nothing."""
+    # A name that is no module is something defined in the module it is imported from.
+    edges = {
+        module: {name if name in graph else name.rpartition(".")[0] for name in imported}
+        for module, imported in graph.items()
+    }
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def imports_of(module: str) -> set[str]:
+    path = PATHS[module]
+    return imports(module, path.read_text(encoding="utf-8"), path.name == "__init__.py")
+
+
+@pytest.mark.parametrize("module", PATHS)
+def test_imports_point_to_lower_layers(module):
+    assert not faults(module, imports_of(module))
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_room_has_a_layer(room):
+    assert room in LAYER_OF, f"place {room} in the table LAYERS of this test"
+
+
+def test_no_module_imports_itself_by_a_detour():
+    assert not cycle({module: imports_of(module) for module in PATHS})
+
+
+@pytest.mark.parametrize(
+    ("module", "source", "fault"),
+    [
+        ("iwanjax.joints.iwan4", "from iwanjax.structures import LinearStructure", "layer 2"),
+        ("iwanjax.joints.iwan4", "import iwanjax.signals.recording", "layer 1"),
+        ("iwanjax.joints.iwan4", "def f():\n    from ..cli import main", "layer 7"),
+        ("iwanjax.joints.iwan4", "from iwanjax import Iwan4", "imports iwanjax itself"),
+        ("iwanjax.curves", "import iwanjax", "imports iwanjax itself"),
+        ("iwanjax.curves", "from . import errors", "imports iwanjax itself"),
+        ("iwanjax.joints.iwan4", "from iwanjax.attic import junk", "place attic"),
+        ("iwanjax", "from iwanjax.cli import main", "imports cli"),
+    ],
+)
+def test_a_bad_import_is_found(module, source, fault):
+    (found,) = faults(module, imports(module, source))
+    assert fault in found
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("iwanjax.joints.iwan4", "from .power import power\nfrom iwanjax.types import real"),
+        ("iwanjax.structures.jointed", "from iwanjax.joints import Iwan4\nimport numpy"),
+        ("iwanjax.curves", "from iwanjax.errors import InputError"),
+        ("iwanjax", "from iwanjax.plotting import curves"),
+        ("iwanjax.__main__", "from iwanjax.cli import main"),
+    ],
+)
+def test_a_good_import_passes(module, source):
+    assert not faults(module, imports(module, source))
+
+
+def test_a_cycle_is_found():
+    assert cycle({"iwanjax.a": {"iwanjax.b.name"}, "iwanjax.b": {"iwanjax.a"}})
+    assert not cycle({"iwanjax.a": {"iwanjax.b.name"}, "iwanjax.b": set()})
