@@ -2,7 +2,8 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
 from iwanjax.types import is_traced, real

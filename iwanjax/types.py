@@ -6,7 +6,9 @@ from typing import Any, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jax.core import Tracer
+from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError, PrecisionError
 
@@ -50,7 +52,7 @@ def require_double_precision(what: str) -> None:
 
 def is_traced(*values: Any) -> bool:
     """Whether any leaf of the values is being traced by a JAX transformation (no number yet)."""
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(values))
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(values))
 
 
 def as_real(value: ArrayLike, name: str) -> Array:

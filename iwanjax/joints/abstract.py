@@ -3,12 +3,13 @@
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
 from iwanjax.types import as_real, is_traced, real
@@ -71,7 +72,7 @@ class AbstractJoint(eqx.Module):
     those the element opposes to a growing d.
     """
 
-    parameters: eqx.AbstractClassVar[tuple[ParameterInfo, ...]]
+    parameters: ClassVar[tuple[ParameterInfo, ...]]
     # Whether the force is always proportional to the deflection: such elements are part of
     # the linear structure in a static solve.
     linear: ClassVar[bool] = False
@@ -204,6 +205,6 @@ class AbstractJoint(eqx.Module):
             ) from None
 
 
-def parameter(name: str) -> Any:
-    """An Equinox field that turns what arrives into a real array and names it in errors."""
-    return eqx.field(converter=lambda value: as_real(value, name))
+def named(name: str) -> Callable[[ArrayLike], Array]:
+    """Converter for a field: what arrives becomes a real array, errors call it by its name."""
+    return lambda value: as_real(value, name)

@@ -2,9 +2,10 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
-from iwanjax.joints.abstract import parameter
+from iwanjax.joints.abstract import named
 from iwanjax.joints.power import power
 from iwanjax.types import real
 
@@ -26,9 +27,9 @@ class PowerLawDamping(eqx.Module):
         Damping ratio at vanishing amplitude, 1.
     """
 
-    c_1: Array = parameter("c_1")
-    chi: Array = parameter("chi")
-    zeta_0: Array = parameter("zeta_0")
+    c_1: Array = eqx.field(converter=named("c_1"))
+    chi: Array = eqx.field(converter=named("chi"))
+    zeta_0: Array = eqx.field(converter=named("zeta_0"))
 
     def __call__(self, amplitude: ArrayLike) -> Float[Array, "..."]:
         """Damping ratio at the given modal amplitude(s)."""

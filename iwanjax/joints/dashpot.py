@@ -2,11 +2,13 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.types import real
 
 
@@ -26,7 +28,7 @@ class Dashpot(AbstractJoint):
     )
     linear: ClassVar[bool] = True
 
-    c: Array = parameter("c")
+    c: Array = eqx.field(converter=named("c"))
 
     @property
     def initial_stiffness(self) -> Array:

@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from typing import ClassVar, Self
 
+import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.power import power
 from iwanjax.types import as_real, real
@@ -97,10 +99,10 @@ class Iwan4(AbstractJoint):
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = IWAN_PARAMETERS
 
-    F_S: Array = parameter("F_S")
-    K_T: Array = parameter("K_T")
-    chi: Array = parameter("chi")
-    beta: Array = parameter("beta")
+    F_S: Array = eqx.field(converter=named("F_S"))
+    K_T: Array = eqx.field(converter=named("K_T"))
+    chi: Array = eqx.field(converter=named("chi"))
+    beta: Array = eqx.field(converter=named("beta"))
 
     @classmethod
     def from_distribution(

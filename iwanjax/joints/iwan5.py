@@ -2,10 +2,12 @@
 
 from typing import ClassVar, Self
 
+import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.iwan4 import IWAN_PARAMETERS, distribution_of, phi_max_of, physical_of
 from iwanjax.joints.power import is_positive, power
 from iwanjax.types import real
@@ -59,11 +61,11 @@ class Iwan5(AbstractJoint):
         ),
     )
 
-    F_S: Array = parameter("F_S")
-    K_T: Array = parameter("K_T")
-    chi: Array = parameter("chi")
-    beta: Array = parameter("beta")
-    theta: Array = parameter("theta")
+    F_S: Array = eqx.field(converter=named("F_S"))
+    K_T: Array = eqx.field(converter=named("K_T"))
+    chi: Array = eqx.field(converter=named("chi"))
+    beta: Array = eqx.field(converter=named("beta"))
+    theta: Array = eqx.field(converter=named("theta"))
 
     @classmethod
     def from_distribution(

@@ -2,10 +2,12 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.masing import masing_loading
 from iwanjax.types import real
 
@@ -28,8 +30,8 @@ class Jenkins(AbstractJoint):
         ParameterInfo("K_T", "force/length", "stiffness before slip", lower=0.0, transform="log"),
     )
 
-    F_S: Array = parameter("F_S")
-    K_T: Array = parameter("K_T")
+    F_S: Array = eqx.field(converter=named("F_S"))
+    K_T: Array = eqx.field(converter=named("K_T"))
 
     @property
     def initial_stiffness(self) -> Array:

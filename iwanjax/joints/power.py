@@ -2,7 +2,9 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, Bool, Float
+
+from iwanjax.types import Scalar
 
 
 def is_positive(s: Float[Array, "..."]) -> Bool[Array, "..."]:
@@ -10,7 +12,7 @@ def is_positive(s: Float[Array, "..."]) -> Bool[Array, "..."]:
     return s > jnp.finfo(s.dtype).tiny ** 0.45
 
 
-def power(s: Float[Array, "..."], exponent: ArrayLike) -> Float[Array, "..."]:
+def power(s: Float[Array, "..."], exponent: Scalar) -> Float[Array, "..."]:
     r"""Evaluate :math:`s^a` for s >= 0 with finite first and second derivatives at s = 0.
 
     The true derivatives of :math:`s^{\chi+1}` are infinite at zero for
@@ -22,7 +24,7 @@ def power(s: Float[Array, "..."], exponent: ArrayLike) -> Float[Array, "..."]:
     ----------
     s : (...) array
         Normalised deflection |d| / phi_max, 1.
-    exponent : array_like
+    exponent : float or array
         Exponent a, 1; broadcast against ``s``.
 
     Returns

@@ -2,16 +2,19 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, parameter
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.types import real
 
 
 def _lossless(d: ArrayLike, stiffness: Array) -> Array:
     """Zero energy per cycle, of the shape the other elements would give."""
-    return jnp.zeros(jnp.broadcast_shapes(jnp.shape(d), stiffness.shape), dtype=stiffness.dtype)
+    return jnp.zeros(jnp.broadcast_shapes(np.shape(d), stiffness.shape), dtype=stiffness.dtype)
 
 
 class LinearSpring(AbstractJoint):
@@ -28,7 +31,7 @@ class LinearSpring(AbstractJoint):
     )
     linear: ClassVar[bool] = True
 
-    k: Array = parameter("k")
+    k: Array = eqx.field(converter=named("k"))
 
     @property
     def initial_stiffness(self) -> Array:
@@ -71,7 +74,7 @@ class CubicSpring(AbstractJoint):
         ParameterInfo("k3", "force/length^3", "cubic stiffness"),
     )
 
-    k3: Array = parameter("k3")
+    k3: Array = eqx.field(converter=named("k3"))
 
     @property
     def initial_stiffness(self) -> Array:
@@ -117,8 +120,8 @@ class Gap(AbstractJoint):
         ParameterInfo("gap", "length", "clearance", 0.0, closed="lower", transform="log"),
     )
 
-    k: Array = parameter("k")
-    gap: Array = parameter("gap")
+    k: Array = eqx.field(converter=named("k"))
+    gap: Array = eqx.field(converter=named("gap"))
 
     @property
     def initial_stiffness(self) -> Array:

@@ -26,9 +26,10 @@ TOLERANCE = 1e-10
 _NOISE = 1e-7
 _MAX_ITERATIONS = 60
 _COARSE_STRIDE = 7
-# Newton steps on all lanes before the rest is searched one by one: from the linear solution
-# at the coarse levels, and from their interpolation at all levels.
-_COARSE_SWEEPS, _FINE_SWEEPS = 4, 3
+# A step of this size leaves less error than the interpolation between coarse levels.
+_COARSE_TOLERANCE = 1e-3
+# Newton steps on all lanes before those that need more are searched on their own.
+_SWEEPS = 3
 # The lanes searched together: a fraction of all, but no fewer than pay for the overhead.
 _FRACTION, _FEWEST = 32, 64
 
@@ -135,18 +136,24 @@ def equilibrium(
     _, J = residual(joints, system, alpha[:1], stuck)
     linear = solve_spd(J, [c * jnp.ones((1, *lanes), alpha.dtype) for c in system.c])
     if levels <= 3 * _COARSE_STRIDE:
-        return _solve(joints, system, alpha, [alpha * u for u in linear], _COARSE_SWEEPS)
+        return _search(joints, system, alpha, [alpha * u for u in linear], TOLERANCE)
     few_alpha = alpha[coarse]
-    few, _ = _solve(joints, system, few_alpha, [few_alpha * u for u in linear], _COARSE_SWEEPS)
+    few_guess = [few_alpha * u for u in linear]
+    few, _ = _search(joints, system, few_alpha, few_guess, _COARSE_TOLERANCE)
     guess = _interpolated(alpha, coarse, [e / few_alpha for e in few])
-    return _solve(joints, system, alpha, [alpha * u for u in guess], _FINE_SWEEPS)
+    return _solve(joints, system, alpha, [alpha * u for u in guess])
 
 
 @equilibrium.defjvp
 def _equilibrium_jvp(primals, tangents):
-    e, error = equilibrium(*primals)
-    _, r_dot = jax.jvp(lambda *arguments: residual(*arguments, e)[0], primals, tangents)
-    _, J = residual(*primals, e)
+    joints, system, alpha = primals
+    e, error = equilibrium(joints, system, alpha)
+
+    def unbalanced(joints, system, alpha):
+        return residual(joints, system, alpha, e)[0]
+
+    _, r_dot = jax.jvp(unbalanced, primals, tangents)
+    _, J = residual(joints, system, alpha, e)
     return (e, error), (solve_spd(J, r_dot), jnp.zeros_like(error))
 
 
@@ -162,18 +169,17 @@ def _solve(
     system: Condensed,
     alpha: Array,
     guess: Sequence[Array],
-    sweeps: int,
 ) -> tuple[list[Array], Array]:
     """Plain Newton on every lane, then a safeguarded search on the few that need more."""
 
     def sweep(_: int, state: tuple[list[Array], Array]) -> tuple[list[Array], Array]:
-        e, _ = state
+        e = state[0]
         r, J = residual(joints, system, alpha, e)
         step = solve_spd(J, r)
         return [x + s for x, s in zip(e, step, strict=True)], _relative(step, e)
 
     # A loop rather than copies of the body: the same speed at a fifth of the compile time.
-    e, error = jax.lax.fori_loop(0, sweeps, sweep, (list(guess), jnp.ones_like(guess[0])))
+    e, error = jax.lax.fori_loop(0, _SWEEPS, sweep, (list(guess), jnp.ones_like(guess[0])))
     # NaN (a singular tangent) starts again from the guess.
     lost = ~(error < jnp.inf)
     e = [jnp.where(lost, x, y) for x, y in zip(guess, e, strict=True)]
@@ -193,9 +199,8 @@ def _solve(
             x = jnp.reshape(x, (1,) * (len(shape) - jnp.ndim(x)) + jnp.shape(x))
             return x[tuple(i if n > 1 else 0 for i, n in zip(where, x.shape, strict=True))]
 
-        found, reached = _search(
-            *jax.tree.map(pick, (joints, system)), pick(alpha), [pick(x) for x in e]
-        )
+        those, there = jax.tree.map(pick, (joints, system))
+        found, reached = _search(those, there, pick(alpha), [pick(x) for x in e], TOLERANCE)
         e = [x.at[where].set(y) for x, y in zip(e, found, strict=True)]
         # Found or given up, none is tried twice.
         return e, error.at[where].set(reached), due.at[where].set(0.0)
@@ -205,12 +210,16 @@ def _solve(
 
 
 def _search(
-    joints: Sequence[AbstractJoint], system: Condensed, alpha: Array, guess: Sequence[Array]
+    joints: Sequence[AbstractJoint],
+    system: Condensed,
+    alpha: Array,
+    guess: Sequence[Array],
+    tolerance: float,
 ) -> tuple[list[Array], Array]:
     """Newton with a secant step back wherever it overshot; stops when every lane is done."""
 
     def proceed(state: _Search) -> Array:
-        return jnp.any(state.error > TOLERANCE) & (state.iteration < _MAX_ITERATIONS)
+        return jnp.any(state.error > tolerance) & (state.iteration < _MAX_ITERATIONS)
 
     def advance(state: _Search) -> _Search:
         e = [x + state.fraction * s for x, s in zip(state.base, state.step, strict=True)]

@@ -8,12 +8,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, PowerLawDamping
 from iwanjax.quasistatic.levels import Background, Levels, Task, solve_levels
+from iwanjax.quasistatic.shape import updated_shapes
 from iwanjax.quasistatic.work import work_dissipation, work_path
 from iwanjax.results import Result
 from iwanjax.structures import JointedStructure
@@ -114,6 +116,7 @@ def qsma(
     *,
     frequency: Literal["secant", "first_harmonic"] = "secant",
     dissipation: Literal["joints", "work"] = "joints",
+    shape: Literal["linear", "updated"] = "linear",
     deflections: bool = True,
 ) -> QsmaSolution:
     r"""Quasi-static modal analysis (thesis Sec. 3.2; Lacayo and Allen 2019).
@@ -149,6 +152,10 @@ def qsma(
         The sum of the joints' closed forms, or the work integral
         D = 8 int alpha dq - 4 alpha q of the modal curve, for any Masing joint. The
         thesis's (3.14) to (3.16) hold for uniform steps of q only.
+    shape : {"linear", "updated"}
+        Load in the linear mode shape, the other modes following statically; or in the
+        shape that the deflection itself has at this level (after Festjens et al. 2013),
+        for joints that slip so much that the shares of other modes are not small.
     deflections : bool
         Whether to keep the joints' deflections (memory, for large batches).
 
@@ -185,21 +192,31 @@ def qsma(
     if dissipation == "work":
         path, wanted = work_path(levels)
     elif dissipation == "joints":
-        path, wanted = levels, slice(None)
+        path, wanted = levels, np.arange(levels.shape[1])
     else:
         raise InputError(f"dissipation={dissipation!r}: expected 'joints' or 'work'")
     if frequency not in ("secant", "first_harmonic"):
         raise InputError(f"frequency={frequency!r}: expected 'secant' or 'first_harmonic'")
+    if shape not in ("linear", "updated"):
+        raise InputError(f"shape={shape!r}: expected 'linear' or 'updated'")
+    fixed = _at_reference(structure)
+    if shape == "updated" and not (fixed and dissipation == "joints" and deflections):
+        raise InputError(
+            "shape='updated' needs joints of the structure's reference stiffness, "
+            "dissipation='joints' and deflections=True"
+        )
     task = Task(
         structure.basis,
         path,
         _background(structure, zeta0, modes),
         modes,
-        _at_reference(structure),
+        fixed,
         frequency,
         deflections,
     )
     found = solve_levels(flat, task)
+    if shape == "updated" and found.deflection is not None:
+        found = eqx.filter_jit(updated_shapes)(flat, task, found, found.deflection)
     if dissipation == "work":
         found = _by_work(found, task, wanted)
     _warn(found.result)
@@ -330,8 +347,7 @@ def _by_work(found: Levels, task: Task, wanted: np.ndarray) -> Levels:
     beside = found.damping - found.dissipation / (2.0 * jnp.pi * task.alpha * found.q)
     damping = energy / (2.0 * jnp.pi * task.alpha * found.q) + beside
     found = found._replace(dissipation=energy, damping=damping)
-    picked = [None if x is None else x[:, :, wanted] for x in found]
-    return Levels(*picked)
+    return jax.tree.map(lambda x: x[:, :, wanted], found)
 
 
 def _warn(result: Array) -> None:

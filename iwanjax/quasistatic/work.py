@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 # Steps between two levels, and levels below the first, that the work integral is taken over.
 _SUBSTEPS = 8
-_BELOW, _DECADES = 48, 3.0
+_BELOW, _DECADES = 128, 3.0
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 

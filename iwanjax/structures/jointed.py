@@ -6,14 +6,17 @@ from typing import Literal
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.linear import LinearStructure, Modes
 from iwanjax.types import is_traced
+
+# What is left of a unit row that others explain to all but round-off.
+_DEPENDENT = 1e-6
 
 
 class ModalBasis(eqx.Module):
@@ -205,11 +208,17 @@ def _entry(label: str, entry: object, n: int) -> tuple[np.ndarray, AbstractJoint
 
 
 def _independent_rows(flexible: np.ndarray, labels: tuple[str, ...]) -> tuple[int, ...]:
-    """Joints whose deflections span those of all, by pivoted QR of P / omega."""
-    norms = np.linalg.norm(flexible, axis=1)
-    if np.any(norms == 0):
-        label = labels[int(np.argmin(norms))]
-        raise InputError(f"joint {label!r} does not deflect in any elastic mode")
-    _, R, order = scipy.linalg.qr((flexible / norms[:, None]).T, mode="economic", pivoting=True)
-    rank = int(np.sum(np.abs(np.diag(R)) > 1e-7))
-    return tuple(sorted(int(i) for i in order[:rank]))
+    """Joints whose deflections span those of all, the first come first."""
+    directions: list[np.ndarray] = []
+    kept = []
+    for i, row in enumerate(flexible):
+        size = np.linalg.norm(row)
+        if size == 0:
+            raise InputError(f"joint {labels[i]!r} does not deflect in any elastic mode")
+        rest = row / size
+        for direction in directions:
+            rest = rest - (rest @ direction) * direction
+        if np.linalg.norm(rest) > _DEPENDENT:
+            directions.append(rest / np.linalg.norm(rest))
+            kept.append(i)
+    return tuple(kept)

@@ -90,7 +90,7 @@ def _eigenvalue(basis: ModalBasis, dK: Float[Array, "m *lanes"], r: int) -> Arra
 def _eigenvalue_jvp(r, primals, tangents):
     basis, dK = primals
     lam = _eigenvalue(basis, dK, r)
-    y, sensitivity = _shape(basis, r, dK, lam)
+    _, sensitivity = _shape(basis, r, dK, lam)
 
     def mismatch(basis: ModalBasis, dK: Array) -> Array:
         return _mismatch(basis, r, dK, lam, _shape(basis, r, dK, lam)[0])

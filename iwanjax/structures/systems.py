@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import ArrayLike
+from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, Iwan4
