@@ -152,13 +152,15 @@ class Iwan4(AbstractJoint):
         """Virgin curve d -> (force, tangent), Eq. (3.25) and its macroslip continuation."""
         scale = self.K_T * self.phi_max
         share = 1.0 / (1.0 + self.beta)
-        reduction = share / (self.chi + 2.0)
+        remaining = self._remaining
         normalised, K_T = self._normalised(), self.K_T
 
         def evaluate(d: Array) -> tuple[Array, Array]:
             x, sticks, _, p = normalised(d)
-            force = scale * jnp.where(sticks, x, jnp.sign(x)) * (1.0 - reduction * p)
-            return force, jnp.where(sticks, K_T * (1.0 - share * p), 0.0)
+            m = jnp.where(sticks, x, jnp.sign(x))
+            return scale * m * (1.0 - p + remaining * p), jnp.where(
+                sticks, K_T * (1.0 - share * p), 0.0
+            )
 
         return evaluate
 
@@ -171,8 +173,8 @@ class Iwan4(AbstractJoint):
             Amplitude, length; its sign does not matter.
         """
         x, sticks, _, p = self._normalised()(real(d))
-        reduction = p / ((1.0 + self.beta) * (self.chi + 2.0))
-        return self.K_T * (1.0 - reduction) / jnp.where(sticks, 1.0, jnp.abs(x))
+        secant = self.K_T * (1.0 - p + self._remaining * p)
+        return secant / jnp.where(sticks, 1.0, jnp.abs(x))
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         """Energy per cycle of amplitude |d|, force x length (3.27), exact in macroslip.
@@ -187,12 +189,17 @@ class Iwan4(AbstractJoint):
         x, sticks, m, p = self._normalised()(real(d))
         n, share = self.chi + 1.0, 1.0 / (1.0 + self.beta)
         micro = share * n / ((n + 1.0) * (n + 2.0)) * p * m**2
-        macro = (1.0 - share / (n + 1.0)) * jnp.where(sticks, 0.0, jnp.abs(x) - 1.0)
+        macro = self._remaining * jnp.where(sticks, 0.0, jnp.abs(x) - 1.0)
         return 4.0 * self.K_T * self.phi_max**2 * (micro + macro)
 
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """Loading branch of the steady loop of amplitude d_0, by Masing's rule."""
         return masing_loading(self.law(), real(d), real(d_0))
+
+    @property
+    def _remaining(self) -> Array:
+        """F_S/(K_T phi_max) = 1 - rho/(chi+2), without the difference of near equals."""
+        return (self.beta + (self.chi + 1.0) / (self.chi + 2.0)) / (1.0 + self.beta)
 
     def _normalised(self) -> Callable[[Array], tuple[Array, Array, Array, Array]]:
         """The map d -> x = d/phi_max, whether |x| < 1, m = min(|x|, 1) and m^(chi+1).

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.iwan4 import IWAN_PARAMETERS, distribution_of, phi_max_of, physical_of
 from iwanjax.joints.power import is_positive, power
-from iwanjax.types import real
+from iwanjax.types import Scalar, real
 
 
 class Iwan5(AbstractJoint):
@@ -111,11 +111,10 @@ class Iwan5(AbstractJoint):
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent), Eq. (4.5); theta F_S from phi_max on."""
         n = self.chi + 1.0
-        share = 1.0 / (1.0 + self.beta)
         inverse_phi = 1.0 / self.phi_max
         scale = self.K_T * self.phi_max
-        reduction = share * (1.0 - self.theta * n / (n + 1.0))
-        slope = share * (n + 1.0 - self.theta * n)
+        remaining = self._remaining(self.theta * n / (n + 1.0))
+        slope = (n + 1.0 - self.theta * n) / (1.0 + self.beta)
         macro = self.theta * self.F_S
         K_T = self.K_T
 
@@ -123,7 +122,8 @@ class Iwan5(AbstractJoint):
             x = d * inverse_phi
             sticks = jnp.abs(x) < 1.0
             p = power(jnp.where(sticks, jnp.abs(x), 1.0), n)
-            force = jnp.where(sticks, scale * x * (1.0 - reduction * p), macro * jnp.sign(x))
+            micro = scale * x * (1.0 - p + remaining * p)
+            force = jnp.where(sticks, micro, macro * jnp.sign(x))
             return force, jnp.where(sticks, K_T * (1.0 - slope * p), 0.0)
 
         return evaluate
@@ -139,20 +139,16 @@ class Iwan5(AbstractJoint):
             Largest amplitude so far, length; the present one (ring-up, Mignolet's steady
             form) by default and at least.
         """
-        u, slipped, cycle, reslips = self._cycle(d, d_max)
-        n, share = self.chi + 1.0, 1.0 / (1.0 + self.beta)
-        theta = self.theta
-        w_n = power(cycle, n)
-        v_n = power(slipped, n)
-        within = 1.0 - share * w_n * ((1.0 - theta) * self.chi + 2.0) / ((n + 1.0) * (1.0 + theta))
+        u, slipped, cycle, regime = self._cycle(d, d_max)
+        n, theta = self.chi + 1.0, self.theta
+        w_n, v_n = power(cycle, n), power(slipped, n)
         positive = is_positive(u)
         u_safe = jnp.where(positive, u, 1.0)
         ratio = jnp.where(positive, slipped / u_safe, 1.0)
-        all_reslip = 1.0 - share * v_n * (1.0 - theta * n / (n + 1.0) * ratio)
-        macroslip = theta * (1.0 - share / (n + 1.0)) / u_safe
-        # reslips: 0 while thresholds are still being reached, 1 when all that ever slipped
-        # have slipped again, 2 when the Dirac slider is among them.
-        return self.K_T * jnp.select([reslips == 0, reslips == 1], [within, all_reslip], macroslip)
+        within = 1.0 - w_n + w_n * self._reslipping
+        all_reslip = 1.0 - v_n + v_n * self._remaining(theta * n / (n + 1.0) * ratio)
+        macroslip = theta * self._remaining(n / (n + 1.0)) / u_safe
+        return self.K_T * jnp.select([regime == 0, regime == 1], [within, all_reslip], macroslip)
 
     def dissipation(
         self,
@@ -170,29 +166,21 @@ class Iwan5(AbstractJoint):
         omega : array_like, optional
             Ignored: the element does not depend on rate.
         """
-        u, slipped, cycle, reslips = self._cycle(d, d_max)
-        n, share, theta = self.chi + 1.0, 1.0 / (1.0 + self.beta), self.theta
-        w_n = power(cycle, n)
-        v_n = power(slipped, n)
-        within = (share * n * w_n * cycle**2 * ((1.0 - theta) * self.chi + 2.0) * (1.0 + theta)) / (
-            (n + 1.0) * (n + 2.0)
-        )
-        steady = (2.0 * theta * (n + 3.0) + (1.0 - 3.0 * theta**2) * (n + 1.0)) / (
-            (n + 1.0) * (n + 2.0)
-        )
-        all_reslip = (
-            share * n * v_n * slipped * (steady * slipped + 4.0 * theta / (n + 1.0) * (u - slipped))
-        )
-        macroslip = (
-            share * n * steady
-            + (1.0 - share) * (1.0 - theta) * (1.0 + 3.0 * theta)
-            + 4.0 * theta * (1.0 - share / (n + 1.0)) * (u - 1.0)
-        )
-        return (
-            self.K_T
-            * self.phi_max**2
-            * jnp.select([reslips == 0, reslips == 1], [within, all_reslip], macroslip)
-        )
+        u, slipped, cycle, regime = self._cycle(d, d_max)
+        n, theta = self.chi + 1.0, self.theta
+        w_n, v_n = power(cycle, n), power(slipped, n)
+        sliders = n / (1.0 + self.beta)
+        moments = (n + 1.0) * (n + 2.0)
+        bracket = (1.0 - theta) * self.chi + 2.0
+        within = sliders * w_n * cycle**2 * bracket * (1.0 + theta) / moments
+        steady = (2.0 * theta * (n + 3.0) + (1.0 - 3.0 * theta**2) * (n + 1.0)) / moments
+        beyond = 4.0 * theta / (n + 1.0) * (u - slipped)
+        all_reslip = sliders * v_n * slipped * (steady * slipped + beyond)
+        dirac = self.beta / (1.0 + self.beta) * (1.0 - theta) * (1.0 + 3.0 * theta)
+        sliding = 4.0 * theta * self._remaining(n / (n + 1.0)) * (u - 1.0)
+        macroslip = sliders * steady + dirac + sliding
+        shape = jnp.select([regime == 0, regime == 1], [within, all_reslip], macroslip)
+        return self.K_T * self.phi_max**2 * shape
 
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """Forward monotonic curve from -d_0 to d_0 after ring-up to d_0 (4.33, corrected).
@@ -205,24 +193,36 @@ class Iwan5(AbstractJoint):
             Largest amplitude so far, length; in macroslip too.
         """
         d, d_0 = real(d), jnp.abs(real(d_0))
-        n, share, theta = self.chi + 1.0, 1.0 / (1.0 + self.beta), self.theta
+        n, theta = self.chi + 1.0, self.theta
         peak = d_0 / self.phi_max
         slipped = jnp.where(peak < 1.0, peak, 1.0)
         travel = (d + d_0) / self.phi_max
         w = travel / (1.0 + theta)
         reslipping = w < slipped
-        w = jnp.where(reslipping, w, slipped)
-        within = travel - share * power(w, n) * w * ((1.0 - theta) * self.chi + 2.0) / (n + 1.0)
-        v_n = power(slipped, n)
-        all_reslip = travel * (1.0 - share * v_n) + 2.0 * theta * share * n * v_n * slipped / (
-            n + 1.0
-        )
-        macroslip = 2.0 * theta * (1.0 - share / (n + 1.0))
+        w_n, v_n = power(jnp.where(reslipping, w, slipped), n), power(slipped, n)
+        within = travel * (1.0 - w_n + w_n * self._reslipping)
+        kinetic = 2.0 * theta * n / ((1.0 + self.beta) * (n + 1.0)) * v_n * slipped
+        all_reslip = travel * (1.0 - v_n + v_n * self._remaining(0.0)) + kinetic
+        macroslip = 2.0 * theta * self._remaining(n / (n + 1.0))
         rise = jnp.where(reslipping, within, jnp.where(peak < 1.0, all_reslip, macroslip))
         return self.K_T * self.phi_max * rise - self.law()(d_0)[0]
 
+    def _remaining(self, part: Scalar) -> Array:
+        """1 - rho (1 - part), without the difference of near equals where beta is small."""
+        return (self.beta + part) / (1.0 + self.beta)
+
+    @property
+    def _reslipping(self) -> Array:
+        """Secant of the loading branch over K_T when the last threshold slips again (4.35)."""
+        n = self.chi + 1.0
+        return self._remaining(2.0 * self.theta * n / ((n + 1.0) * (1.0 + self.theta)))
+
     def _cycle(self, d: ArrayLike, d_max: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
-        """Normalised amplitude, largest slipped threshold, largest reslipping one, and regime."""
+        """Normalised amplitude, largest slipped threshold, largest reslipping one, and regime.
+
+        The regime is 0 while thresholds are still being reached, 1 when all that ever
+        slipped have slipped again, and 2 when the Dirac slider is among them.
+        """
         u = jnp.abs(real(d)) / self.phi_max
         largest = u if d_max is None else jnp.abs(real(d_max)) / self.phi_max
         largest = jnp.where(largest > u, largest, u)

@@ -10,7 +10,7 @@ from jaxtyping import Array
 from iwanjax.joints import AbstractJoint
 from iwanjax.quasistatic.equilibrium import Condensed
 from iwanjax.structures.jointed import ModalBasis
-from iwanjax.structures.modification import ModifiedMode, modified_mode
+from iwanjax.structures.modification import ModifiedModes, modified_modes
 
 
 class Reduction(NamedTuple):
@@ -18,7 +18,7 @@ class Reduction(NamedTuple):
 
     Attributes
     ----------
-    mode : ModifiedMode
+    mode : ModifiedModes
         Frequency and joint deflections of the mode at low amplitude.
     system : Condensed
         Equations of the nonlinear joints.
@@ -28,7 +28,7 @@ class Reduction(NamedTuple):
         Steps that recover the deflections of the linear ones.
     """
 
-    mode: ModifiedMode
+    mode: ModifiedModes
     system: Condensed
     nonlinear: tuple[int, ...]
     eliminated: list[tuple[int, list[int], list[Array], Array]]
@@ -103,7 +103,7 @@ def reduce_to_joints(
 
 
 def _without_linear(
-    mode: ModifiedMode, C: list[list[Array]], c: list[Array], joints: Sequence[AbstractJoint]
+    mode: ModifiedModes, C: list[list[Array]], c: list[Array], joints: Sequence[AbstractJoint]
 ) -> Reduction:
     """Eliminate the elements whose force is proportional to their deflection."""
     remaining = list(range(len(joints)))
@@ -130,16 +130,11 @@ def _without_linear(
 
 def _low_amplitude_modes(
     basis: ModalBasis, stiffness: Sequence[Array], modes: tuple[int, ...], fixed: bool
-) -> ModifiedMode:
+) -> ModifiedModes:
     """The K modes with the joints stuck, stacked on an axis before the batch."""
     if fixed:
         index = np.asarray(modes)
         lam = basis.omega2[index][:, None]
-        return ModifiedMode(lam, [row[index][:, None] for row in basis.P], jnp.zeros_like(lam))
+        return ModifiedModes(lam, [row[index][:, None] for row in basis.P], jnp.zeros_like(lam))
     change = [k - k_0 for k, k_0 in zip(stiffness, basis.stiffness, strict=True)]
-    each = [modified_mode(basis, r, change) for r in modes]
-    return ModifiedMode(
-        jnp.stack([one.lam for one in each]),
-        [jnp.stack([one.y[j] for one in each]) for j in range(len(stiffness))],
-        jnp.stack([one.error for one in each]),
-    )
+    return modified_modes(basis, modes, change)

@@ -1,4 +1,4 @@
-r"""One mode of a structure whose joint stiffness changes, without another eigenproblem.
+r"""Modes of a structure whose joint stiffness changes, without another eigenproblem.
 
 With the modes (Lambda, Phi) of a reference and P = B^T Phi, adding B dK B^T gives
 
@@ -31,16 +31,16 @@ from iwanjax.structures.small import dot, product, solve_general
 _ITERATIONS = 8
 
 
-class ModifiedMode(NamedTuple):
-    """The mode after the change.
+class ModifiedModes(NamedTuple):
+    """Modes after the change; K modes and any number of lanes (parameter sets).
 
     Attributes
     ----------
-    lam : (lanes) array
+    lam : (K, lanes) array
         Squared circular frequency, (rad/s)^2.
-    y : m arrays (lanes)
+    y : m arrays (K, lanes)
         Joint deflections of the mass-normalised shape, B^T phi.
-    error : (lanes) array
+    error : (K, lanes) array
         Relative change of ``lam`` that another iteration would make.
     """
 
@@ -49,80 +49,95 @@ class ModifiedMode(NamedTuple):
     error: Array
 
 
-def modified_mode(basis: ModalBasis, r: int, change: Sequence[Array]) -> ModifiedMode:
-    """Mode r of the reference, followed through a change of the joints' stiffness.
+def modified_modes(
+    basis: ModalBasis, modes: tuple[int, ...], change: Sequence[Array]
+) -> ModifiedModes:
+    """Modes of the reference, followed through a change of the joints' stiffness.
 
     Parameters
     ----------
     basis : ModalBasis
         The reference.
-    r : int
-        Index of the mode in the reference.
+    modes : tuple of int
+        Indices of the K modes in the reference.
     change : m arrays
-        Stiffness added at each joint row, force/length; the batch is on the last axis.
+        Stiffness added at each joint row, force/length; scalars or (lanes,).
 
     Returns
     -------
-    ModifiedMode
+    ModifiedModes
         Differentiable with respect to ``change`` (implicitly).
     """
-    lanes = jnp.broadcast_shapes(*(jnp.shape(k) for k in change))
-    dK = jnp.stack([jnp.broadcast_to(k, lanes) for k in change])
-    lam = _eigenvalue(basis, dK, r)
-    y, sensitivity = _shape(basis, r, dK, lam)
+    (lanes,) = jnp.broadcast_shapes((1,), *(jnp.shape(k) for k in change))
+    dK = jnp.stack([jnp.broadcast_to(k, (lanes,)) for k in change])
+    lam = _eigenvalues(basis, dK, modes)
+    y, sensitivity = _shapes(basis, modes, dK, lam)
     norm2 = 1.0 + sensitivity
-    error = jnp.abs(_mismatch(basis, r, dK, lam, y)) / (norm2 * jnp.abs(lam))
+    error = jnp.abs(_mismatch(basis, modes, dK, lam, y)) / (norm2 * jnp.abs(lam))
     scale = jax.lax.rsqrt(norm2)
-    return ModifiedMode(lam, [row * scale for row in y], jax.lax.stop_gradient(error))
+    return ModifiedModes(lam, [row * scale for row in y], jax.lax.stop_gradient(error))
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(2,))
-def _eigenvalue(basis: ModalBasis, dK: Float[Array, "m *lanes"], r: int) -> Array:
-    start = basis.omega2[r]
-    lam = jnp.broadcast_to(start, dK.shape[1:])
-    for _ in range(_ITERATIONS):
-        y, sensitivity = _shape(basis, r, dK, lam)
-        lam = lam + _mismatch(basis, r, dK, lam, y) / (1.0 + sensitivity)
-    return lam
+def _eigenvalues(
+    basis: ModalBasis, dK: Float[Array, "m lanes"], modes: tuple[int, ...]
+) -> Float[Array, "K lanes"]:
+    def newton(_: int, lam: Array) -> Array:
+        y, sensitivity = _shapes(basis, modes, dK, lam)
+        return lam + _mismatch(basis, modes, dK, lam, y) / (1.0 + sensitivity)
+
+    start = basis.omega2[np.asarray(modes)][:, None]
+    start = jnp.broadcast_to(start, (len(modes), dK.shape[1]))
+    return jax.lax.fori_loop(0, _ITERATIONS, newton, start)
 
 
-@_eigenvalue.defjvp
-def _eigenvalue_jvp(r, primals, tangents):
+@_eigenvalues.defjvp
+def _eigenvalues_jvp(modes, primals, tangents):
     basis, dK = primals
-    lam = _eigenvalue(basis, dK, r)
-    _, sensitivity = _shape(basis, r, dK, lam)
+    lam = _eigenvalues(basis, dK, modes)
+    _, sensitivity = _shapes(basis, modes, dK, lam)
 
     def mismatch(basis: ModalBasis, dK: Array) -> Array:
-        return _mismatch(basis, r, dK, lam, _shape(basis, r, dK, lam)[0])
+        return _mismatch(basis, modes, dK, lam, _shapes(basis, modes, dK, lam)[0])
 
     _, change = jax.jvp(mismatch, primals, tangents)
     return lam, change / (1.0 + sensitivity)
 
 
-def _mismatch(basis: ModalBasis, r: int, dK: Array, lam: Array, y: Sequence[Array]) -> Array:
+def _mismatch(
+    basis: ModalBasis, modes: tuple[int, ...], dK: Array, lam: Array, y: Sequence[Array]
+) -> Array:
     """lambda_r + p_r^T dK y - lambda."""
-    shift = sum((p * k * v for p, k, v in zip(basis.P[:, r], dK, y, strict=True)), jnp.zeros(()))
-    return basis.omega2[r] - lam + shift
+    index = np.asarray(modes)
+    forces = [k * v for k, v in zip(dK, y, strict=True)]
+    shift = dot([p[:, None] for p in basis.P[:, index]], forces)
+    return basis.omega2[index][:, None] - lam + shift
 
 
-def _shape(basis: ModalBasis, r: int, dK: Array, lam: Array) -> tuple[list[Array], Array]:
+def _shapes(
+    basis: ModalBasis, modes: tuple[int, ...], dK: Array, lam: Array
+) -> tuple[list[Array], Array]:
     """y(lambda), and (y dK)^T W_r' (y dK): the other modes' share of eta^T eta."""
-    P = basis.P
-    m, modes = P.shape
-    rest = np.delete(np.arange(modes), r)
+    P, index = basis.P, np.asarray(modes)
+    m, count = P.shape
     lower = np.tril_indices(m)
-    pairs = P[lower[0]][:, rest] * P[lower[1]][:, rest]
-    weight = 1.0 / (basis.omega2[rest].reshape(-1, *(1,) * lam.ndim) - lam)
+    pairs = P[lower[0]] * P[lower[1]]
+    # W_r leaves mode r itself out.
+    others = (np.arange(count)[:, None] != index)[:, :, None]
+    distance = jnp.where(others, basis.omega2[:, None, None] - lam, 1.0)
+    weight = jnp.where(others, 1.0 / distance, 0.0)
     W = _symmetric(jnp.tensordot(pairs, weight, axes=1), m)
     dW = _symmetric(jnp.tensordot(pairs, weight**2, axes=1), m)
     A = [[(1.0 if i == j else 0.0) + W[i][j] * dK[j] for j in range(m)] for i in range(m)]
-    y = solve_general(A, [P[i, r] * jnp.ones_like(lam) for i in range(m)])
+    y = solve_general(A, [p[:, None] * jnp.ones_like(lam) for p in P[:, index]])
     g = [k * v for k, v in zip(dK, y, strict=True)]
     return y, dot(g, product(dW, g))
 
 
 def _symmetric(lower: Array, m: int) -> list[list[Array]]:
     """Rows of a symmetric matrix from its lower triangle, stacked on the first axis."""
-    return [
-        [lower[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(m)] for i in range(m)
-    ]
+
+    def at(i: int, j: int) -> Array:
+        return lower[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)]
+
+    return [[at(i, j) for j in range(m)] for i in range(m)]

@@ -6,6 +6,7 @@ XLA vectorises every operation over the batch instead of calling LAPACK once a m
 
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import jax.scipy.linalg
 from jaxtyping import Array
@@ -52,8 +53,19 @@ def solve_spd(J: Sequence[Sequence[Array]], r: Sequence[Array]) -> list[Array]:
 def solve_general(A: Sequence[Sequence[Array]], b: Sequence[Array]) -> list[Array]:
     """Solve A x = b by elimination without pivoting; the caller judges the result.
 
-    Meant for matrices of the form I + (small), which need no pivots.
+    Meant for matrices of the form I + (small), which need no pivots. Derivatives are
+    two more solves, not derivatives of the elimination.
     """
+    transposed = [list(column) for column in zip(*A, strict=True)]
+    return jax.lax.custom_linear_solve(
+        lambda x: product(A, x),
+        list(b),
+        lambda _, r: _eliminate(A, r),
+        lambda _, r: _eliminate(transposed, r),
+    )
+
+
+def _eliminate(A: Sequence[Sequence[Array]], b: Sequence[Array]) -> list[Array]:
     m = len(b)
     rows = [list(row) for row in A]
     x = list(b)
@@ -61,9 +73,8 @@ def solve_general(A: Sequence[Sequence[Array]], b: Sequence[Array]) -> list[Arra
         inverse = 1.0 / rows[k][k]
         for i in range(k + 1, m):
             f = rows[i][k] * inverse
-            rows[i] = [
-                entry - f * rows[k][j] if j > k else entry for j, entry in enumerate(rows[i])
-            ]
+            for j in range(k + 1, m):
+                rows[i][j] = rows[i][j] - f * rows[k][j]
             x[i] = x[i] - f * x[k]
     for k in reversed(range(m)):
         for j in range(k + 1, m):

@@ -1,0 +1,5 @@
+"""``python -m iwanjax``."""
+
+from iwanjax.cli import main
+
+main()

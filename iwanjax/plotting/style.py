@@ -1,0 +1,103 @@
+"""The look that all figures share, applied without touching matplotlib's global settings."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+
+# Okabe and Ito's colours, which the colour-blind can tell apart; their yellow is lost on white.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+GREY = "0.4"
+
+SINGLE_COLUMN, DOUBLE_COLUMN = 3.5, 7.2
+"""Widths of figures, in."""
+
+
+_SETTINGS: dict[Any, Any] = {
+    "figure.dpi": 150,
+    "figure.facecolor": "white",
+    "axes.facecolor": "white",
+    "axes.edgecolor": "black",
+    "axes.labelcolor": "black",
+    "text.color": "black",
+    "font.family": "sans-serif",
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.titleweight": "bold",
+    "axes.linewidth": 0.6,
+    "axes.grid": False,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-3, 4),
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "legend.columnspacing": 1.2,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4.0,
+    "mathtext.fontset": "dejavusans",
+}
+
+
+@contextmanager
+def paper_style() -> Iterator[None]:
+    """Apply the package's settings for the time of one figure, as context or as decorator.
+
+    Unlike ``matplotlib.rc_context`` it puts back only what it has set: the first figure of
+    a notebook switches to interactive mode, which has to last.
+    """
+    before = {key: mpl.rcParams[key] for key in _SETTINGS}
+    try:
+        mpl.rcParams.update(_SETTINGS)
+        yield
+    finally:
+        mpl.rcParams.update(before)
+
+
+def set_up(*axes: Axes) -> None:
+    """Give panels their ticks and a light grid.
+
+    Ticks are made when the figure is drawn, after :func:`paper_style` has ended, and would
+    follow the global settings if they were not told otherwise.
+    """
+    for ax in axes:
+        ax.set_axisbelow(True)
+        ax.grid(visible=True, which="major", color="0.9", linewidth=0.5, linestyle="-")
+        ax.tick_params(
+            which="both",
+            direction="in",
+            top=True,
+            right=True,
+            width=0.6,
+            color="black",
+            labelcolor="black",
+            labelsize=7.0,
+        )
+        ax.tick_params(which="major", length=3.0)
+        ax.tick_params(which="minor", length=1.5)
+
+
+def with_unit(quantity: str, unit: str) -> str:
+    """Axis label: the quantity, and its unit in brackets where it is known."""
+    return f"{quantity} ({unit})" if unit else quantity
+
+
+def mark_amplitude(ax: Axes, x: float, text: str = "", *, rising: bool = False) -> None:
+    """Thin dotted line at an amplitude, with a word where a falling (rising) curve leaves room."""
+    ax.axvline(x, color=GREY, linestyle=":", linewidth=0.8, zorder=1.5)
+    if text:
+        ax.annotate(
+            text,
+            (x, 0.97 if rising else 0.03),
+            xycoords=("data", "axes fraction"),
+            xytext=(-2, 0),
+            textcoords="offset points",
+            ha="right",
+            va="top" if rising else "bottom",
+            rotation=90,
+            color=GREY,
+            fontsize=7.0,
+        )

@@ -1,0 +1,51 @@
+"""Every notebook runs to its last assertion, and is stored without what running adds."""
+
+import warnings
+from pathlib import Path
+
+import pytest
+
+nbformat = pytest.importorskip("nbformat", reason="notebooks extra not installed")
+nbclient = pytest.importorskip("nbclient", reason="notebooks extra not installed")
+pytest.importorskip("ipykernel", reason="notebooks extra not installed")
+
+FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+LIMIT = 300
+
+
+def read(path):
+    return nbformat.read(path, as_version=4)
+
+
+def test_there_are_notebooks():
+    assert NOTEBOOKS
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_is_stored_without_outputs(path):
+    notebook = read(path)
+    nbformat.validate(notebook)
+    assert notebook.metadata.kernelspec.name == "python3"
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert not any(cell.outputs or cell.execution_count for cell in code)
+    assert 'jax.config.update("jax_enable_x64", True)' in code[0].source
+    assert code[-1].source.splitlines()[-1].startswith("assert ")
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_runs(path, tmp_path):
+    # The kernel is a process of its own: only its client's warnings, about sockets and event
+    # loops, arrive here, and they say nothing about the notebook.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        client = nbclient.NotebookClient(
+            read(path),
+            timeout=LIMIT,
+            kernel_name="python3",
+            resources={"metadata": {"path": str(tmp_path)}},
+        )
+        notebook = client.execute()
+    for cell in notebook.cells:
+        if "figure = " in cell.source:
+            assert sum("image/png" in output.get("data", {}) for output in cell.outputs) == 1
