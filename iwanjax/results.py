@@ -27,7 +27,7 @@ _MESSAGES = {
         "no static equilibrium: every joint that could carry this load slips; lower alpha"
     ),
     Result.LOST_MODE: (
-        "the mode could not be followed from the reference stiffness to this parameter set; "
-        "build the structure with joints closer to it"
+        "the joints' stiffness is so far from the structure's reference that the mode cannot be "
+        "told from others (modal assurance below 1/2); build the structure with joints closer to it"
     ),
 }

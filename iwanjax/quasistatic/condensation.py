@@ -135,6 +135,6 @@ def _low_amplitude_modes(
     if fixed:
         index = np.asarray(modes)
         lam = basis.omega2[index][:, None]
-        return ModifiedModes(lam, [row[index][:, None] for row in basis.P], jnp.zeros_like(lam))
+        return ModifiedModes(lam, [row[index][:, None] for row in basis.P], jnp.ones_like(lam))
     change = [k - k_0 for k, k_0 in zip(stiffness, basis.stiffness, strict=True)]
     return modified_modes(basis, modes, change)

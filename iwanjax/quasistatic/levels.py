@@ -205,4 +205,4 @@ def _judge(reduction: Reduction, alpha: Array, d: list[Array], error: Array) -> 
     size = jnp.stack([jnp.abs(x) for x in d]).max(axis=0)
     result = jnp.where(error <= TOLERANCE, Result.CONVERGED, Result.EXHAUSTED)
     result = jnp.where(size < _RUNAWAY * stuck, result, Result.NO_EQUILIBRIUM)
-    return jnp.where(mode.error <= TOLERANCE, result, Result.LOST_MODE).astype(jnp.int8)
+    return jnp.where(mode.assurance > 0.5, result, Result.LOST_MODE).astype(jnp.int8)

@@ -89,10 +89,10 @@ class JointedStructure(eqx.Module):
             row, element = _entry(label, entry, structure.size)
             rows.append(row)
             elements.append(element)
-        if is_traced(elements):
+        if is_traced(elements, structure):
             raise InputError(
-                "JointedStructure cannot be built from joints that are being traced: build it "
-                "once outside jit, grad or vmap, and use with_joints inside"
+                "JointedStructure cannot be built from what is being traced: build it once outside "
+                "jit, grad or vmap, and use with_joints inside"
             )
         B = np.stack(rows)
         # A batch of parameter sets is referred to its middle.

@@ -29,6 +29,8 @@ from iwanjax.structures.jointed import ModalBasis
 from iwanjax.structures.small import dot, product, solve_general
 
 _ITERATIONS = 8
+# Relative change of an eigenvalue by one more iteration that counts as none.
+_SETTLED = 1e-10
 
 
 class ModifiedModes(NamedTuple):
@@ -40,13 +42,14 @@ class ModifiedModes(NamedTuple):
         Squared circular frequency, (rad/s)^2.
     y : m arrays (K, lanes)
         Joint deflections of the mass-normalised shape, B^T phi.
-    error : (K, lanes) array
-        Relative change of ``lam`` that another iteration would make.
+    assurance : (K, lanes) array
+        Modal assurance of the shape with the reference's. Above 1/2 no other mode can be
+        meant; 0 where the iteration has not settled.
     """
 
     lam: Array
     y: list[Array]
-    error: Array
+    assurance: Array
 
 
 def modified_modes(
@@ -74,8 +77,9 @@ def modified_modes(
     y, sensitivity = _shapes(basis, modes, dK, lam)
     norm2 = 1.0 + sensitivity
     error = jnp.abs(_mismatch(basis, modes, dK, lam, y)) / (norm2 * jnp.abs(lam))
+    assurance = jnp.where(error <= _SETTLED, 1.0 / norm2, 0.0)
     scale = jax.lax.rsqrt(norm2)
-    return ModifiedModes(lam, [row * scale for row in y], jax.lax.stop_gradient(error))
+    return ModifiedModes(lam, [row * scale for row in y], jax.lax.stop_gradient(assurance))
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(2,))

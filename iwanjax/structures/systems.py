@@ -3,13 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, Iwan4
+from iwanjax.structures.checks import finite_array
 from iwanjax.structures.jointed import JointedStructure
 from iwanjax.structures.linear import LinearStructure
-from iwanjax.types import as_real
 
 
 def three_mass(
@@ -63,8 +62,8 @@ def oscillator(
     return JointedStructure(LinearStructure([[m]], [[c]], [[k]]), {"J1": (np.array([1.0]), joint)})
 
 
-def _positive(value: ArrayLike, name: str) -> float:
-    number = float(as_real(value, name))
+def _positive(value: float, name: str) -> float:
+    number = float(finite_array(value, name))
     if number <= 0:
         raise InputError(f"{name} = {number:g} must be positive")
     return number
