@@ -164,6 +164,7 @@ def _solve(structure: "JointedStructure", settings: "QsmaSettings") -> tuple["Qs
         settings.levels,
         settings.damping,
         frequency=settings.frequency,
+        shape=settings.shape,
     )
     jax.block_until_ready(solution.q)
     return solution, time.perf_counter() - start

@@ -82,7 +82,9 @@ def as_real(value: ArrayLike, name: str) -> Array:
     if not np.all(np.isfinite(array)):
         bad = int(np.sum(~np.isfinite(array)))
         raise InputError(f"{name} holds {bad} NaN or infinite value(s); expected finite numbers")
-    return jnp.asarray(array, dtype=jnp.zeros(()).dtype)
+    # A number stays a number inside a traced function too.
+    with jax.ensure_compile_time_eval():
+        return jnp.asarray(array, dtype=jnp.zeros(()).dtype)
 
 
 def real(value: ArrayLike) -> Array:

@@ -87,6 +87,17 @@ def test_qsma_writes_numbers_and_pictures(study, tmp_path):
         assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_shape_reaches_the_analysis(study, tmp_path):
+    study.write_text(STUDY + "  shape: updated\n")
+    assert run("qsma", study, "--out", tmp_path).exit_code == 0
+    levels = np.geomspace(1e-3, 1e2, 9)
+    expected = qsma(three_mass(), [0, 1], levels, 1e-4, shape="updated").curves
+    linear = qsma(three_mass(), [0, 1], levels, 1e-4).curves
+    found = np.load(tmp_path / "qsma.npz")["frequency"]
+    assert_allclose(found, expected.frequency, rtol=1e-9)
+    assert not np.allclose(found, linear.frequency, rtol=1e-6)
+
+
 def test_results_replace_older_ones_and_leave_the_rest(study, tmp_path):
     (tmp_path / "qsma.json").write_text("old")
     (tmp_path / "notes.txt").write_text("mine")

@@ -136,6 +136,20 @@ def test_a_builder_keeps_its_own_joint(study_file):
     assert study.recordings == ()
 
 
+def test_two_joints_may_share_a_row(study_file):
+    second = "\n    - {name: J2, row: J1, type: linear_spring, parameters: {k: 2}}\nqsma:"
+    study = load_study(study_file(BUILDER.replace("\nqsma:", second)))
+    assert study.structure.labels == ("J1", "J2")
+    assert_allclose(study.structure.basis.stiffness, [1.0, 2.0])
+
+
+def test_the_shape_of_loading(study_file):
+    for text, shape in ((BUILDER, "linear"), (BUILDER + "  shape: updated\n", "updated")):
+        settings = load_study(study_file(text)).qsma
+        assert settings is not None
+        assert settings.shape == shape
+
+
 def test_the_oscillator_takes_its_joint_from_the_list(study_file):
     text = BUILDER[: BUILDER.index("qsma:")].replace("three_mass", "oscillator")
     study = load_study(study_file(text.replace("mass: 10, stiffness: 9", "stiffness: 4")))
@@ -226,6 +240,13 @@ BAD = {
         3,
         ["model.builder", "oscillator needs its joint", "joints:"],
     ),
+    "too many joints": (
+        BUILDER[BUILDER.index("three_mass") : BUILDER.index("qsma:")],
+        "oscillator\n  options: {stiffness: 9}\n  joints:\n"
+        + "".join(f"    - {{name: J{i}, row: J1, type: iwan4, {IWAN4}}}\n" for i in (1, 2)),
+        3,
+        ["model.builder", "oscillator needs its joint, got 2"],
+    ),
     "file and builder": ("builder:", "file: a.npz\n  builder:", 2, ["model", "both"]),
     "neither": ("builder: three_mass\n  options: {mass: 10, stiffness: 9}", "", 2, ["neither"]),
     "unknown type": ("iwan4", "iwan6", 7, ["joints[0].type", "'iwan6'", "did you mean 'iwan"]),
@@ -260,6 +281,14 @@ BAD = {
     "negative damping": ("zeta0: 1e-4", "zeta0: -1", 12, ["qsma.zeta0", "'-1'"]),
     "damping for too many": ("zeta0: 1e-4", "zeta0: [0, 0, 0]", 12, ["qsma.zeta0", "3 numbers"]),
     "unknown frequency": ("zeta0: 1e-4", "frequency: tangent", 12, ["'tangent'", "'secant'"]),
+    "unknown shape": ("zeta0: 1e-4", "shape: curved", 12, ["qsma.shape", "'curved'", "'updated'"]),
+    "infinite level": ("{from: 1e-3, to: 1e2, count: 9}", "[1, inf]", 11, ["alpha[1]", "finite"]),
+    "level not a number": (
+        "{from: 1e-3, to: 1e2, count: 9}",
+        "[[1, 2], [3, x]]",
+        11,
+        ["qsma.alpha[1][1]", "'x'"],
+    ),
     "recordings a word": ("qsma:", "recordings: rec1.npz\nqsma:", 9, ["recordings", "a list"]),
     "key twice": ("zeta0: 1e-4", "modes: [1]", 12, ["modes", "twice"]),
     "key not text": ("zeta0: 1e-4", "[1]: 2", 12, ["a list of 1 for a key"]),
@@ -277,8 +306,8 @@ BAD_WITH_FILE = {
     "name twice": (
         "    - {",
         f"    - {{name: bolt, row: J1, type: iwan4, {IWAN4}}}\n    - {{",
-        4,
-        ["model.joints", "'bolt' again"],
+        6,
+        ["model.joints[1].name", "'bolt' again"],
     ),
 }
 

@@ -139,11 +139,13 @@ class AbstractJoint(eqx.Module):
         amplitude = jnp.abs(real(d))
         at_rest = amplitude == 0
         safe = jnp.where(at_rest, 1.0, amplitude)
-        total = jnp.zeros(jnp.broadcast_shapes(amplitude.shape, self.initial_stiffness.shape))
-        for t in (np.arange(_HARMONIC_NODES) + 0.5) * np.pi / _HARMONIC_NODES:
-            # The unloading branch at d cos t is minus the loading branch at -d cos t.
-            total = total - self.loading(-safe * np.cos(t), safe) * np.cos(t)
-        return jnp.where(at_rest, self.initial_stiffness, 2.0 * total / _HARMONIC_NODES / safe)
+        shapes = (jnp.shape(getattr(self, info.name)) for info in self.parameters)
+        rank = len(jnp.broadcast_shapes(amplitude.shape, *shapes))
+        t = (np.arange(_HARMONIC_NODES) + 0.5) * np.pi / _HARMONIC_NODES
+        cosine = np.cos(t).reshape(-1, *(1,) * rank)
+        # The unloading branch at d cos t is minus the loading branch at -d cos t.
+        mean = -jnp.mean(self.loading(-safe * cosine, safe) * cosine, axis=0)
+        return jnp.where(at_rest, self.initial_stiffness, 2.0 * mean / safe)
 
     def loop(
         self, d_0: ArrayLike, points: int = 201

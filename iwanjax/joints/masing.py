@@ -45,8 +45,7 @@ def masing_dissipation(law: Law, d_0: Array) -> Float[Array, "..."]:
     """
     amplitude = jnp.abs(d_0)
     tip = law(amplitude)[0]
-    total = jnp.zeros_like(amplitude)
-    for node, weight in zip(0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, strict=True):
-        force, _ = law(amplitude * node**3)
-        total = total + weight * 3.0 * node**2 * (force - node**3 * tip)
-    return 8.0 * amplitude * total
+    node = (0.5 * (_NODES + 1.0)).reshape(-1, *(1,) * tip.ndim)
+    weight = (0.5 * _WEIGHTS).reshape(node.shape) * 3.0 * node**2
+    force, _ = law(amplitude * node**3)
+    return 8.0 * amplitude * jnp.sum(weight * (force - node**3 * tip), axis=0)

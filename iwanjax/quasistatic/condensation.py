@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Int
 
 from iwanjax.joints import AbstractJoint
 from iwanjax.quasistatic.equilibrium import Condensed
@@ -44,7 +44,7 @@ class Reduction(NamedTuple):
 
 
 def reduce_to_joints(
-    basis: ModalBasis, joints: Sequence[AbstractJoint], modes: tuple[int, ...], fixed: bool
+    basis: ModalBasis, joints: Sequence[AbstractJoint], modes: Int[Array, " K"], fixed: bool
 ) -> Reduction:
     r"""Condense statics under the load alpha M phi_r (thesis Eqs. 3.7, 3.13).
 
@@ -59,7 +59,7 @@ def reduce_to_joints(
         Reference modes.
     joints : m joints
         Parameters with the batch on their only axis, or scalars.
-    modes : tuple of int
+    modes : (K,) array of int
         The K modes whose shapes load the structure.
     fixed : bool
         Whether the joints have the reference's stiffness, so that its modes hold.
@@ -129,12 +129,11 @@ def _without_linear(
 
 
 def _low_amplitude_modes(
-    basis: ModalBasis, stiffness: Sequence[Array], modes: tuple[int, ...], fixed: bool
+    basis: ModalBasis, stiffness: Sequence[Array], modes: Int[Array, " K"], fixed: bool
 ) -> ModifiedModes:
     """The K modes with the joints stuck, stacked on an axis before the batch."""
     if fixed:
-        index = np.asarray(modes)
-        lam = basis.omega2[index][:, None]
-        return ModifiedModes(lam, [row[index][:, None] for row in basis.P], jnp.ones_like(lam))
+        lam = basis.omega2[modes][:, None]
+        return ModifiedModes(lam, [row[modes][:, None] for row in basis.P], jnp.ones_like(lam))
     change = [k - k_0 for k, k_0 in zip(stiffness, basis.stiffness, strict=True)]
     return modified_modes(basis, modes, change)

@@ -30,6 +30,7 @@ _COARSE_STRIDE = 7
 _COARSE_TOLERANCE = 1e-3
 # Newton steps on all lanes before those that need more are searched on their own.
 _SWEEPS = 3
+_STRAYED = 0.1
 # The lanes searched together: a fraction of all, but no fewer than pay for the overhead.
 _FRACTION, _FEWEST = 32, 64
 
@@ -135,13 +136,15 @@ def equilibrium(
     stuck = [jnp.zeros((1, *lanes), alpha.dtype)] * len(system.c)
     _, J = residual(joints, system, alpha[:1], stuck)
     linear = solve_spd(J, [c * jnp.ones((1, *lanes), alpha.dtype) for c in system.c])
+    stuck_e = [alpha * u for u in linear]
     if levels <= 3 * _COARSE_STRIDE:
-        return _search(joints, system, alpha, [alpha * u for u in linear], TOLERANCE)
-    few_alpha = alpha[coarse]
-    few_guess = [few_alpha * u for u in linear]
-    few, _ = _search(joints, system, few_alpha, few_guess, _COARSE_TOLERANCE)
+        return _search(joints, system, alpha, stuck_e, TOLERANCE)
+    few_alpha, few_stuck = alpha[coarse], [e[coarse] for e in stuck_e]
+    few, error = _search(joints, system, few_alpha, few_stuck, _COARSE_TOLERANCE)
+    # A coarse level that was not solved must not spoil its neighbours.
+    few = [jnp.where(error <= _COARSE_TOLERANCE, x, y) for x, y in zip(few, few_stuck, strict=True)]
     guess = _interpolated(alpha, coarse, [e / few_alpha for e in few])
-    return _solve(joints, system, alpha, [alpha * u for u in guess])
+    return _solve(joints, system, alpha, [alpha * u for u in guess], stuck_e)
 
 
 @equilibrium.defjvp
@@ -169,6 +172,7 @@ def _solve(
     system: Condensed,
     alpha: Array,
     guess: Sequence[Array],
+    stuck: Sequence[Array],
 ) -> tuple[list[Array], Array]:
     """Plain Newton on every lane, then a safeguarded search on the few that need more."""
 
@@ -180,10 +184,10 @@ def _solve(
 
     # A loop rather than copies of the body: the same speed at a fifth of the compile time.
     e, error = jax.lax.fori_loop(0, _SWEEPS, sweep, (list(guess), jnp.ones_like(guess[0])))
-    # NaN (a singular tangent) starts again from the guess.
-    lost = ~(error < jnp.inf)
-    e = [jnp.where(lost, x, y) for x, y in zip(guess, e, strict=True)]
-    error = jnp.where(lost, 1.0, error)
+    # What strayed (or is NaN, from a singular tangent) starts again with the joints stuck.
+    strayed = ~(error < _STRAYED)
+    e = [jnp.where(strayed, x, y) for x, y in zip(stuck, e, strict=True)]
+    error = jnp.where(strayed, 1.0, error)
     shape, lanes = error.shape, error.size
     few = min(lanes, max(_FEWEST, lanes // _FRACTION))
 

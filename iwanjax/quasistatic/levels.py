@@ -65,8 +65,8 @@ class Task(eqx.Module):
         Increasing load levels of each mode.
     background : (modes,) array or PowerLawDamping
         Damping ratio beside the joints.
-    modes : tuple of int
-        Which modes of the reference.
+    modes : (modes,) array of int
+        Which modes of the reference; traced, so that all share one compiled kernel.
     fixed : bool
         Whether the joints' stiffness is the reference's.
     frequency : {"secant", "first_harmonic"}
@@ -78,7 +78,7 @@ class Task(eqx.Module):
     basis: ModalBasis
     alpha: Float[Array, "modes levels"]
     background: Background
-    modes: tuple[int, ...] = eqx.field(static=True)
+    modes: Int[Array, " modes"]
     fixed: bool = eqx.field(static=True)
     frequency: Literal["secant", "first_harmonic"] = eqx.field(static=True)
     deflections: bool = eqx.field(static=True)

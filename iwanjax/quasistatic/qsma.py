@@ -209,7 +209,7 @@ def qsma(
         structure.basis,
         path,
         _background(structure, zeta0, modes),
-        modes,
+        jnp.asarray(modes),
         fixed,
         frequency,
         deflections,

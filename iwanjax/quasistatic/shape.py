@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
@@ -64,9 +63,9 @@ def updated_shapes(
     """
     basis = task.basis
 
-    def lane(r: int, elements: tuple[AbstractJoint, ...], alpha: Array, start: Array) -> _Lane:
-        rest = np.delete(np.arange(basis.omega2.shape[0]), r)
-        p, P, omega2 = basis.P[:, r], basis.P[:, rest], basis.omega2[rest]
+    def lane(r: Array, elements: tuple[AbstractJoint, ...], alpha: Array, start: Array) -> _Lane:
+        p = basis.P[:, r]
+        other = jnp.arange(basis.omega2.shape[0]) != r
         # A lane the linear shape did not solve is not tried: any finite start will do.
         solved = jnp.all(jnp.isfinite(start))
         safe = jnp.where(solved, start, alpha * p / basis.omega2[r])
@@ -80,11 +79,12 @@ def updated_shapes(
             g = jnp.stack(slack)
             q = (alpha + p @ g) / basis.omega2[r]
             lam = alpha / q
-            return q, lam, (g @ P) / (omega2 - lam)
+            distance = jnp.where(other, basis.omega2 - lam, 1.0)
+            return q, lam, jnp.where(other, g @ basis.P, 0.0) / distance
 
         def mismatch(x: Array, _: None) -> Array:
             q, _lam, others = motion(x * scale)
-            return x - (q * p + P @ others) / scale
+            return x - (q * p + basis.P @ others) / scale
 
         solver = optx.Dogleg(rtol=_TOLERANCE, atol=_TOLERANCE)
         solution = optx.root_find(mismatch, solver, safe / scale, max_steps=_MAX_STEPS, throw=False)
@@ -94,19 +94,17 @@ def updated_shapes(
         return _Lane(d, q, lam, q**2 + jnp.sum(others**2), done)
 
     in_axes = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, joints)
-    each = []
-    for k, r in enumerate(task.modes):
-        over_levels = jax.vmap(lambda e, a, s, r=r: lane(r, e, a, s), in_axes=(None, 0, 0))
-        over_sets = jax.vmap(over_levels, in_axes=(in_axes, None, 0))
-        each.append(over_sets(joints, task.alpha[k], start[:, k]))
-    lanes = jax.tree.map(lambda *x: jnp.stack(x, axis=1), *each)
+    over_levels = jax.vmap(lane, in_axes=(None, None, 0, 0))
+    over_modes = jax.vmap(over_levels, in_axes=(0, None, 0, 0))
+    over_sets = jax.vmap(over_modes, in_axes=(None, in_axes, None, 0))
+    lanes = over_sets(task.modes, joints, task.alpha, start)
     spread = jax.tree.map(lambda leaf: leaf[:, None, None] if jnp.ndim(leaf) else leaf, joints)
     energy, softening = jnp.zeros(()), jnp.zeros(())
     for j, element in enumerate(spread):
         x = lanes.d[..., j]
         energy = energy + element.dissipation(x, omega=jnp.sqrt(lanes.lam))
         if task.frequency == "first_harmonic":
-            pull = basis.P[j, jnp.asarray(task.modes)][:, None]
+            pull = basis.P[j, task.modes][:, None]
             softening = softening + pull * (element.harmonic_stiffness(x) - element.secant(x)) * x
     lam = lanes.lam + softening / lanes.q
     background = task.background

@@ -17,13 +17,12 @@ is exact, at m^2 N operations an iteration and parameter set.
 """
 
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from iwanjax.structures.jointed import ModalBasis
 from iwanjax.structures.small import dot, product, solve_general
@@ -53,7 +52,7 @@ class ModifiedModes(NamedTuple):
 
 
 def modified_modes(
-    basis: ModalBasis, modes: tuple[int, ...], change: Sequence[Array]
+    basis: ModalBasis, modes: Int[Array, " K"], change: Sequence[Array]
 ) -> ModifiedModes:
     """Modes of the reference, followed through a change of the joints' stiffness.
 
@@ -61,7 +60,7 @@ def modified_modes(
     ----------
     basis : ModalBasis
         The reference.
-    modes : tuple of int
+    modes : (K,) array of int
         Indices of the K modes in the reference.
     change : m arrays
         Stiffness added at each joint row, force/length; scalars or (lanes,).
@@ -82,58 +81,56 @@ def modified_modes(
     return ModifiedModes(lam, [row * scale for row in y], jax.lax.stop_gradient(assurance))
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(2,))
+@jax.custom_jvp
 def _eigenvalues(
-    basis: ModalBasis, dK: Float[Array, "m lanes"], modes: tuple[int, ...]
+    basis: ModalBasis, dK: Float[Array, "m lanes"], modes: Int[Array, " K"]
 ) -> Float[Array, "K lanes"]:
     def newton(_: int, lam: Array) -> Array:
         y, sensitivity = _shapes(basis, modes, dK, lam)
         return lam + _mismatch(basis, modes, dK, lam, y) / (1.0 + sensitivity)
 
-    start = basis.omega2[np.asarray(modes)][:, None]
-    start = jnp.broadcast_to(start, (len(modes), dK.shape[1]))
+    start = jnp.broadcast_to(basis.omega2[modes][:, None], (modes.shape[0], dK.shape[1]))
     return jax.lax.fori_loop(0, _ITERATIONS, newton, start)
 
 
 @_eigenvalues.defjvp
-def _eigenvalues_jvp(modes, primals, tangents):
-    basis, dK = primals
+def _eigenvalues_jvp(primals, tangents):
+    basis, dK, modes = primals
     lam = _eigenvalues(basis, dK, modes)
     _, sensitivity = _shapes(basis, modes, dK, lam)
 
     def mismatch(basis: ModalBasis, dK: Array) -> Array:
         return _mismatch(basis, modes, dK, lam, _shapes(basis, modes, dK, lam)[0])
 
-    _, change = jax.jvp(mismatch, primals, tangents)
+    _, change = jax.jvp(mismatch, primals[:2], tangents[:2])
     return lam, change / (1.0 + sensitivity)
 
 
 def _mismatch(
-    basis: ModalBasis, modes: tuple[int, ...], dK: Array, lam: Array, y: Sequence[Array]
+    basis: ModalBasis, modes: Int[Array, " K"], dK: Array, lam: Array, y: Sequence[Array]
 ) -> Array:
     """lambda_r + p_r^T dK y - lambda."""
-    index = np.asarray(modes)
     forces = [k * v for k, v in zip(dK, y, strict=True)]
-    shift = dot([p[:, None] for p in basis.P[:, index]], forces)
-    return basis.omega2[index][:, None] - lam + shift
+    shift = dot([p[:, None] for p in basis.P[:, modes]], forces)
+    return basis.omega2[modes][:, None] - lam + shift
 
 
 def _shapes(
-    basis: ModalBasis, modes: tuple[int, ...], dK: Array, lam: Array
+    basis: ModalBasis, modes: Int[Array, " K"], dK: Array, lam: Array
 ) -> tuple[list[Array], Array]:
     """y(lambda), and (y dK)^T W_r' (y dK): the other modes' share of eta^T eta."""
-    P, index = basis.P, np.asarray(modes)
+    P = basis.P
     m, count = P.shape
     lower = np.tril_indices(m)
     pairs = P[lower[0]] * P[lower[1]]
     # W_r leaves mode r itself out.
-    others = (np.arange(count)[:, None] != index)[:, :, None]
+    others = (jnp.arange(count)[:, None] != modes)[:, :, None]
     distance = jnp.where(others, basis.omega2[:, None, None] - lam, 1.0)
     weight = jnp.where(others, 1.0 / distance, 0.0)
     W = _symmetric(jnp.tensordot(pairs, weight, axes=1), m)
     dW = _symmetric(jnp.tensordot(pairs, weight**2, axes=1), m)
     A = [[(1.0 if i == j else 0.0) + W[i][j] * dK[j] for j in range(m)] for i in range(m)]
-    y = solve_general(A, [p[:, None] * jnp.ones_like(lam) for p in P[:, index]])
+    y = solve_general(A, [p[:, None] * jnp.ones_like(lam) for p in P[:, modes]])
     g = [k * v for k, v in zip(dK, y, strict=True)]
     return y, dot(g, product(dW, g))
 

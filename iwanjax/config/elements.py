@@ -1,0 +1,60 @@
+"""Joint elements from the parameters that a file gives."""
+
+import inspect
+from collections.abc import Callable
+
+import numpy as np
+
+from iwanjax.config.faults import nearest
+from iwanjax.config.schema import JointSection
+from iwanjax.config.source import Place, Source
+from iwanjax.joints import AbstractJoint, ParameterInfo, joint_type
+
+# What a distribution may be given by beside the physical parameters (thesis Eqs. A.3 to A.5).
+_DISTRIBUTION = (
+    ParameterInfo("R", "force/length^(chi+2)", "strength of the power law", lower=0.0),
+    ParameterInfo("S", "force/length", "strength of the Dirac slider", 0.0, closed="lower"),
+    ParameterInfo("phi_max", "length", "deflection at macroslip", lower=0.0),
+)
+
+
+def element_of(source: Source, i: int, joint: JointSection) -> AbstractJoint:
+    """The i-th joint, from its physical parameters or those of its slider distribution."""
+    place: Place = ("model", "joints", i, "parameters")
+    with source.blamed("model", "joints", i, "type"):
+        kind = joint_type(joint.type)
+    ways = _ways(kind)
+    expected = " or ".join(", ".join(infos) for infos, _ in ways)
+    given = joint.parameters
+    # The set that most of what is given belongs to is the one that was meant.
+    infos, make = max(ways, key=lambda way: len(given.keys() & way[0].keys()))
+    for name in (name for name in given if name not in infos):
+        mixed = any(name in others for others, _ in ways)
+        raise source.error(
+            (*place, name),
+            f"{'mixes two sets of parameters' if mixed else 'unknown parameter'} of {joint.type}; "
+            f"expected {expected}{nearest(name, infos)}",
+        )
+    for name, info in infos.items():
+        what = f"({info.meaning}, {info.dimension})"
+        if name not in given:
+            raise source.error(place, f"{name} {what} is missing; expected {expected}")
+        if not info.contains(np.asarray(given[name])):
+            raise source.error(
+                (*place, name), f"got {given[name]:g} {what}; expected in {info.range}"
+            )
+    with source.blamed(*place):
+        return make(**given)
+
+
+def _ways(
+    kind: type[AbstractJoint],
+) -> list[tuple[dict[str, ParameterInfo], Callable[..., AbstractJoint]]]:
+    """The sets of parameters that an element can be made of, and what makes it."""
+    physical = {info.name: info for info in kind.parameters}
+    from_distribution = getattr(kind, "from_distribution", None)
+    if from_distribution is None:
+        return [(physical, kind)]
+    known = physical | {info.name: info for info in _DISTRIBUTION}
+    names = inspect.signature(from_distribution).parameters
+    return [(physical, kind), ({name: known[name] for name in names}, from_distribution)]
