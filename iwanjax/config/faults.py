@@ -21,6 +21,7 @@ _EXAMPLES = {
     "model": "model: {builder: three_mass}",
     "type": "type: iwan4",
     "parameters": "parameters: {F_S: 10, K_T: 1, chi: -0.5, beta: 5}",
+    "count": "count: 50",
     "alpha": "alpha: [{from: 1e-2, to: 1e+2, count: 50}]",
 }
 

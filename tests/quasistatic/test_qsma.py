@@ -140,9 +140,12 @@ def test_work_integral_of_a_known_curve():
     for n in (0.2, 0.5, 0.9):
         alpha = 4.0 * q - 0.3 * q ** (n + 1)
         expected = 4 * 0.3 * n / (n + 2) * q ** (n + 2)
-        np.testing.assert_allclose(ij.work_dissipation(alpha, q), expected, rtol=2e-4)
+        found = ij.work_dissipation(alpha, q)
+        # Below the first level the curve is only guessed; that share fades with amplitude.
+        np.testing.assert_allclose(found, expected, rtol=2e-3)
+        np.testing.assert_allclose(found[40:], expected[40:], rtol=2e-5)
     np.testing.assert_allclose(ij.work_dissipation(4.0 * q, q), 0.0, atol=1e-14)
-    with pytest.raises(ij.InputError, match="at least 6 levels"):
+    with pytest.raises(ij.InputError, match="at least 6, on"):
         ij.work_dissipation(q[:5], q[:5])
 
 
