@@ -1,5 +1,8 @@
 """Differentiable model updating for structures with bolted joints."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError, IwanjaxError, PrecisionError
 from iwanjax.joints import (
@@ -24,7 +27,20 @@ from iwanjax.structures import (
     three_mass,
 )
 
+if TYPE_CHECKING:
+    from iwanjax.config import load_study
+    from iwanjax.plotting import plot, plot_curves, plot_joint, plot_qsma
+
 __version__ = "0.1.0"
+
+# Reached on first use: they import matplotlib and pydantic, which most scripts do not need.
+_LATER = {
+    "load_study": "iwanjax.config",
+    "plot": "iwanjax.plotting",
+    "plot_curves": "iwanjax.plotting",
+    "plot_joint": "iwanjax.plotting",
+    "plot_qsma": "iwanjax.plotting",
+}
 
 __all__ = [
     "AbstractJoint",
@@ -45,9 +61,20 @@ __all__ = [
     "PrecisionError",
     "QsmaSolution",
     "Result",
+    "load_study",
     "oscillator",
+    "plot",
+    "plot_curves",
+    "plot_joint",
+    "plot_qsma",
     "qsma",
     "register_joint",
     "three_mass",
     "work_dissipation",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATER:
+        return getattr(importlib.import_module(_LATER[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

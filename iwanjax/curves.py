@@ -3,10 +3,9 @@
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
-from iwanjax.types import is_traced, real
+from iwanjax.types import ArrayLike, is_traced, real
 
 
 class ModalCurves(eqx.Module):

@@ -6,11 +6,14 @@ from typing import Any, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jax.core import Tracer
 from jaxtyping import Array
-from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError, PrecisionError
+
+ArrayLike: TypeAlias = npt.ArrayLike | Array
+"""What becomes an array: a number, nested sequences, a NumPy or a JAX array."""
 
 Scalar: TypeAlias = float | Array
 """A number, or an array of numbers when a batch of parameter sets is carried."""

@@ -9,10 +9,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
-from iwanjax.types import as_real, is_traced, real
+from iwanjax.types import ArrayLike, as_real, is_traced, real
 
 Law: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """Deflection d -> (force, tangent stiffness) on the virgin curve, elementwise."""

@@ -3,11 +3,10 @@
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.joints.abstract import named
 from iwanjax.joints.power import power
-from iwanjax.types import real
+from iwanjax.types import ArrayLike, real
 
 
 class PowerLawDamping(eqx.Module):

@@ -6,12 +6,11 @@ from typing import ClassVar, Self
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.power import power
-from iwanjax.types import as_real, real
+from iwanjax.types import ArrayLike, as_real, real
 
 IWAN_PARAMETERS = (
     ParameterInfo("F_S", "force", "force at macroslip", lower=0.0, transform="log"),

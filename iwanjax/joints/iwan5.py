@@ -5,12 +5,11 @@ from typing import ClassVar, Self
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.iwan4 import IWAN_PARAMETERS, distribution_of, phi_max_of, physical_of
 from iwanjax.joints.power import is_positive, power
-from iwanjax.types import Scalar, real
+from iwanjax.types import ArrayLike, Scalar, real
 
 
 class Iwan5(AbstractJoint):

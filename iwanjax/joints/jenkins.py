@@ -5,11 +5,10 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.masing import masing_loading
-from iwanjax.types import real
+from iwanjax.types import ArrayLike, real
 
 
 class Jenkins(AbstractJoint):

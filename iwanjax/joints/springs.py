@@ -6,10 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
-from iwanjax.types import real
+from iwanjax.types import ArrayLike, real
 
 
 def _lossless(d: ArrayLike, stiffness: Array) -> Array:

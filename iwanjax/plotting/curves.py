@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import ArrayLike
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.plotting.style import PALETTE, SINGLE_COLUMN, paper_style, set_up, with_unit
+from iwanjax.types import ArrayLike
 
 DAMPING_LABEL = r"Damping ratio $\zeta$ (–)"
 

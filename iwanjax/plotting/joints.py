@@ -7,7 +7,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, Gap, Iwan4, Iwan5, Jenkins
@@ -20,7 +19,7 @@ from iwanjax.plotting.style import (
     set_up,
     with_unit,
 )
-from iwanjax.types import as_real
+from iwanjax.types import ArrayLike, as_real
 
 # Loops below, at and above the landmark.
 _LOOPS = (0.5, 1.0, 1.5)

@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from numpy.typing import ArrayLike
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
@@ -19,7 +18,7 @@ from iwanjax.quasistatic.shape import updated_shapes
 from iwanjax.quasistatic.work import work_dissipation, work_path
 from iwanjax.results import Result
 from iwanjax.structures import JointedStructure
-from iwanjax.types import as_real, is_traced, require_double_precision
+from iwanjax.types import ArrayLike, as_real, is_traced, require_double_precision
 
 
 class QsmaSolution(eqx.Module):

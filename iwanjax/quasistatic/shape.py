@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from iwanjax.joints import AbstractJoint
@@ -61,6 +60,8 @@ def updated_shapes(
     -------
     Levels
     """
+    import optimistix as optx  # here, because few need it and it is slow to import
+
     basis = task.basis
 
     def lane(r: Array, elements: tuple[AbstractJoint, ...], alpha: Array, start: Array) -> _Lane:

@@ -3,10 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
-from iwanjax.types import real
+from iwanjax.types import ArrayLike, real
 
 # Steps between two levels, and levels below the first, that the work integral is taken over.
 _SUBSTEPS = 8
@@ -45,12 +44,12 @@ def work_dissipation(alpha: ArrayLike, q: ArrayLike) -> Float[Array, "*batch lev
     InputError
         For shapes that differ, or too few levels.
     """
-    if jnp.shape(alpha)[-1:] != jnp.shape(q)[-1:] or jnp.shape(q)[-1:] < (6,):
+    alpha, q = real(alpha), real(q)
+    if alpha.shape[-1:] != q.shape[-1:] or q.shape[-1:] < (6,):
         raise InputError(
-            f"work_dissipation: alpha has shape {jnp.shape(alpha)}, q {jnp.shape(q)}; expected "
+            f"work_dissipation: alpha has shape {alpha.shape}, q {q.shape}; expected "
             "the same levels, at least 6, on the last axis"
         )
-    alpha, q = real(alpha), real(q)
     kappa = alpha / q
     x = jnp.log(q)
     slope = _slopes(x, kappa)

@@ -1,7 +1,6 @@
 """What a matrix must be before it is believed."""
 
 import numpy as np
-import scipy.linalg
 
 from iwanjax.errors import InputError
 
@@ -70,9 +69,9 @@ def positive_definite(matrix: np.ndarray, name: str) -> None:
         With the smallest eigenvalue and the degree of freedom it sits on.
     """
     try:
-        scipy.linalg.cholesky(matrix, lower=True)
-    except scipy.linalg.LinAlgError:
-        values, vectors = scipy.linalg.eigh(matrix, subset_by_index=[0, 0])
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(matrix)
         dof = int(np.argmax(np.abs(vectors[:, 0])))
         raise InputError(
             f"{name} is not positive definite: smallest eigenvalue {values[0]:.3g}, mostly at "

@@ -7,13 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.linear import LinearStructure, Modes
-from iwanjax.types import is_traced
+from iwanjax.types import ArrayLike, is_traced
 
 # What is left of a unit row that others explain to all but round-off.
 _DEPENDENT = 1e-6

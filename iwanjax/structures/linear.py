@@ -5,13 +5,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
 from iwanjax.errors import InputError
 from iwanjax.structures.checks import finite_array, positive_definite, square_matrix
-from iwanjax.types import warn_single_precision
+from iwanjax.types import ArrayLike, warn_single_precision
 
 
 class Modes(NamedTuple):
@@ -85,6 +83,8 @@ class LinearStructure(eqx.Module):
         InputError
             When K has a negative eigenvalue beyond round-off.
         """
+        import scipy.linalg  # here, because it adds a third of a second to the first import
+
         M, K = np.asarray(self.M), np.asarray(self.K)
         L = null_space_transform(M, self._rigid())
         values, vectors = scipy.linalg.eigh(L.T @ K @ L, L.T @ M @ L)
@@ -125,6 +125,8 @@ class LinearStructure(eqx.Module):
         return shapes * (2.0 * ratios * omega[:k]) @ shapes.T
 
     def _rigid(self) -> np.ndarray:
+        import scipy.linalg
+
         M, K = np.asarray(self.M, np.float64), np.asarray(self.K, np.float64)
         values, vectors = scipy.linalg.eigh(K, M)
         # Round-off of a zero eigenvalue is eps times the largest, a few times over.
@@ -151,6 +153,8 @@ def null_space_transform(M: np.ndarray, Phi_R: np.ndarray) -> np.ndarray:
     -------
     (n, n - rigid) array
     """
+    import scipy.linalg
+
     if Phi_R.shape[1] == 0:
         return np.eye(M.shape[0])
     return scipy.linalg.null_space(Phi_R.T @ M)

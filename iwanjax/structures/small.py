@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-import jax.scipy.linalg
 from jaxtyping import Array
 
 # Unrolling 20 x 20 takes 17 s to compile; from here on a batched Cholesky is quicker overall.
@@ -99,6 +98,9 @@ def _solve_cholesky(J: Sequence[Sequence[Array]], r: Sequence[Array]) -> list[Ar
     flat = jnp.broadcast_arrays(*[entry for row in lower for entry in row], *r)
     matrix = jnp.stack(flat[: m * m], axis=-1).reshape(*flat[0].shape, m, m)
     rhs = jnp.stack(flat[m * m :], axis=-1)
-    factor = jnp.linalg.cholesky(matrix, symmetrize_input=False)
-    x = jax.scipy.linalg.cho_solve((factor, True), rhs[..., None])[..., 0]
+    factor = jax.lax.linalg.cholesky(matrix, symmetrize_input=False)
+    half = jax.lax.linalg.triangular_solve(factor, rhs[..., None], left_side=True, lower=True)
+    x = jax.lax.linalg.triangular_solve(factor, half, left_side=True, lower=True, transpose_a=True)[
+        ..., 0
+    ]
     return [x[..., i] for i in range(m)]

@@ -81,6 +81,24 @@ def test_free_structure_with_several_kinds_of_joints():
         )
 
 
+def test_more_joints_than_are_unrolled():
+    n = 14
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    difference = (np.eye(n, k=1) - np.eye(n))[: n - 1]
+    joints = {
+        f"J{i}": (row, ij.Iwan4(F_S=0.5 + 0.1 * i, K_T=1.0, chi=-0.5, beta=1.0))
+        for i, row in enumerate(difference)
+    }
+    system = ij.JointedStructure(ij.LinearStructure(np.eye(n), None, K), joints)
+    alpha = np.geomspace(1e-3, 2.0, 24)
+    solution = ij.qsma(system, 0, alpha)
+    assert bool(solution.converged.all())
+    u = full_size(system, 0, alpha[-1])
+    np.testing.assert_allclose(
+        solution.deflection[-1], np.asarray(system.rows) @ u, rtol=1e-6, atol=1e-9
+    )
+
+
 def test_a_dashpot_damps_like_viscous_damping():
     c = 1e-3
     joints = {

@@ -145,5 +145,5 @@ def test_other_refusals():
         jax.jit(lambda k: ij.three_mass(joint=ij.LinearSpring(k=k)).basis.omega2)(1.0)
     with pytest.raises(ij.InputError, match="must be positive"):
         ij.three_mass(mass=-1.0)
-    with pytest.raises(ij.InputError, match="zeta = -0.1 is negative"):
+    with pytest.raises(ij.InputError, match=r"zeta = -0\.1 is negative"):
         ij.oscillator(stiffness=1.0, joint=JOINT, zeta=-0.1)
