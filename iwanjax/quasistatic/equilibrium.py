@@ -65,7 +65,7 @@ class _Search(NamedTuple):
 
 
 def joint_deflections(system: Condensed, e: Sequence[Array]) -> list[Array]:
-    """D = T e."""
+    """Deflections of all joints, d = T e."""
     return list(e) if system.T is None else product(system.T, e)
 
 

@@ -15,11 +15,13 @@ from jaxtyping import Array, Float, Int
 
 from iwanjax.joints import AbstractJoint, PowerLawDamping
 from iwanjax.quasistatic.condensation import Reduction, reduce_to_joints
-from iwanjax.quasistatic.equilibrium import TOLERANCE, equilibrium, joint_deflections
+from iwanjax.quasistatic.equilibrium import equilibrium, joint_deflections
 from iwanjax.results import Result
 from iwanjax.structures import ModalBasis
 from iwanjax.types import is_traced
 
+# Relative Newton step above which a level counts as not solved; iteration aims ten times lower.
+_ACCEPTED = 1e-9
 # Deflection over that of the stuck structure beyond which only round-off holds the structure.
 _RUNAWAY = 1e8
 # Lanes (levels x modes x sets) worked on at once: few enough to stay in the cache.
@@ -203,6 +205,6 @@ def _judge(reduction: Reduction, alpha: Array, d: list[Array], error: Array) -> 
     mode = reduction.mode
     stuck = alpha * jnp.stack([jnp.abs(y) for y in mode.y]).max(axis=0) / mode.lam
     size = jnp.stack([jnp.abs(x) for x in d]).max(axis=0)
-    result = jnp.where(error <= TOLERANCE, Result.CONVERGED, Result.EXHAUSTED)
-    result = jnp.where(size < _RUNAWAY * stuck, result, Result.NO_EQUILIBRIUM)
+    result = jnp.where(error <= _ACCEPTED, Result.CONVERGED, Result.EXHAUSTED)
+    result = jnp.where(size <= _RUNAWAY * stuck, result, Result.NO_EQUILIBRIUM)
     return jnp.where(mode.assurance > 0.5, result, Result.LOST_MODE).astype(jnp.int8)

@@ -38,7 +38,8 @@ class QsmaSolution(eqx.Module):
     dissipation : (..., levels) array
         Energy per cycle lost in the joints.
     deflection : (..., levels, joints) array or None
-        Amplitude of each joint, in the order of ``structure.labels``.
+        Deflection of each joint at the tip of the cycle, signed, in the order of
+        ``structure.labels``.
     result : (..., levels) int array
         A :class:`~iwanjax.results.Result` code for each level.
     error : (..., levels) array
@@ -146,7 +147,8 @@ def qsma(
     frequency : {"secant", "first_harmonic"}
         The secant of the modal loop (3.17), or the in-phase first harmonic of the joints'
         forces under sinusoidal deflection, which is what a Hilbert transform of a
-        ring-down measures (the secant lies above it, by up to 0.1 % of frequency).
+        ring-down measures. In microslip the secant lies above it, by 0.05 to 0.08 % of
+        frequency for the oscillator of Sec. 4.5.
     dissipation : {"joints", "work"}
         The sum of the joints' closed forms, or the work integral
         D = 8 int alpha dq - 4 alpha q of the modal curve, for any Masing joint. The

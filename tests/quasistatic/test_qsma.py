@@ -81,6 +81,17 @@ def test_free_structure_with_several_kinds_of_joints():
         )
 
 
+def test_a_mode_that_leaves_the_joint_alone_is_linear():
+    # Two equal masses: in phase the joint between them does not move.
+    joint = ij.Iwan4(F_S=1.0, K_T=1.0, chi=-0.5, beta=1.0)
+    structure = ij.LinearStructure(np.eye(2), None, 4.0 * np.eye(2))
+    system = ij.JointedStructure(structure, {"J": (np.array([-1.0, 1.0]), joint)})
+    solution = ij.qsma(system, 0, np.geomspace(1e-2, 1e2, 30), 1e-3)
+    assert bool(solution.converged.all())
+    np.testing.assert_allclose(solution.curves.frequency, 1.0 / np.pi, rtol=1e-12)
+    np.testing.assert_allclose(solution.curves.damping, 1e-3, rtol=1e-9)
+
+
 def test_more_joints_than_are_unrolled():
     n = 14
     K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
