@@ -27,12 +27,12 @@ _NOISE = 1e-7
 _MAX_ITERATIONS = 60
 _COARSE_STRIDE = 7
 # A step of this size leaves less error than the interpolation between coarse levels.
-_COARSE_TOLERANCE = 1e-3
+_COARSE_TOLERANCE = 1e-2
 # Newton steps on all lanes before those that need more are searched on their own.
 _SWEEPS = 3
 _STRAYED = 0.1
 # The lanes searched together: a fraction of all, but no fewer than pay for the overhead.
-_FRACTION, _FEWEST = 32, 64
+_FRACTION, _FEWEST = 64, 64
 
 
 class Condensed(NamedTuple):
@@ -139,7 +139,8 @@ def equilibrium(
     stuck_e = [alpha * u for u in linear]
     if levels <= 3 * _COARSE_STRIDE:
         return _search(joints, system, alpha, stuck_e, TOLERANCE)
-    few_alpha, few_stuck = alpha[coarse], [e[coarse] for e in stuck_e]
+    few_alpha = alpha[coarse]
+    few_stuck = [few_alpha * u for u in linear]
     few, error = _search(joints, system, few_alpha, few_stuck, _COARSE_TOLERANCE)
     # A coarse level that was not solved must not spoil its neighbours.
     few = [jnp.where(error <= _COARSE_TOLERANCE, x, y) for x, y in zip(few, few_stuck, strict=True)]
@@ -257,15 +258,18 @@ def _search(
 
 def _interpolated(alpha: Array, coarse: np.ndarray, values: Sequence[Array]) -> list[Array]:
     """Cubic interpolation in ln(alpha) from the coarse levels to all of them."""
-    levels = alpha.shape[0]
-    first = np.clip(np.searchsorted(coarse, np.arange(levels)) - 2, 0, len(coarse) - 4)
+    levels, nodes = alpha.shape[0], len(coarse)
+    first = np.clip(np.searchsorted(coarse, np.arange(levels)) - 2, 0, nodes - 4)
     x = jnp.log(alpha)
-    nodes = [x[coarse[first + t]] for t in range(4)]
-    out = [jnp.zeros(())] * len(values)
+    at = [x[coarse[first + t]] for t in range(4)]
+    weights = [jnp.zeros(())] * nodes
     for t in range(4):
         weight = jnp.ones_like(x)
         for s in range(4):
             if s != t:
-                weight = weight * (x - nodes[s]) / (nodes[t] - nodes[s])
-        out = [o + weight * v[first + t] for o, v in zip(out, values, strict=True)]
-    return out
+                weight = weight * (x - at[s]) / (at[t] - at[s])
+        for c in range(nodes):
+            here = (first + t == c).reshape(-1, *(1,) * (x.ndim - 1))
+            weights[c] = weights[c] + jnp.where(here, weight, 0.0)
+    # A sum over all nodes, most weights zero, is quicker than gathering each level's four.
+    return [dot(weights, list(value)) for value in values]

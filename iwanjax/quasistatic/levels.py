@@ -25,7 +25,7 @@ _ACCEPTED = 1e-9
 # Deflection over that of the stuck structure beyond which only round-off holds the structure.
 _RUNAWAY = 1e8
 # Lanes (levels x modes x sets) worked on at once: few enough to stay in the cache.
-_LANES = 9600
+_LANES = 4800
 # Sets handed to one core at a time.
 _BLOCK = 2048
 
