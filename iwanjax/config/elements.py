@@ -8,14 +8,7 @@ import numpy as np
 from iwanjax.config.faults import nearest
 from iwanjax.config.schema import JointSection
 from iwanjax.config.source import Place, Source
-from iwanjax.joints import AbstractJoint, ParameterInfo, joint_type
-
-# What a distribution may be given by beside the physical parameters (thesis Eqs. A.3 to A.5).
-_DISTRIBUTION = (
-    ParameterInfo("R", "force/length^(chi+2)", "strength of the power law", lower=0.0),
-    ParameterInfo("S", "force/length", "strength of the Dirac slider", 0.0, closed="lower"),
-    ParameterInfo("phi_max", "length", "deflection at macroslip", lower=0.0),
-)
+from iwanjax.joints import DISTRIBUTION_PARAMETERS, AbstractJoint, ParameterInfo, joint_type
 
 
 def element_of(source: Source, i: int, joint: JointSection) -> AbstractJoint:
@@ -55,6 +48,6 @@ def _ways(
     from_distribution = getattr(kind, "from_distribution", None)
     if from_distribution is None:
         return [(physical, kind)]
-    known = physical | {info.name: info for info in _DISTRIBUTION}
+    known = physical | {info.name: info for info in DISTRIBUTION_PARAMETERS}
     names = inspect.signature(from_distribution).parameters
     return [(physical, kind), ({name: known[name] for name in names}, from_distribution)]

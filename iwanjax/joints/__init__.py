@@ -4,6 +4,7 @@ from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo
 from iwanjax.joints.background import PowerLawDamping
 from iwanjax.joints.catalogue import JOINTS, joint_type, register_joint
 from iwanjax.joints.dashpot import Dashpot
+from iwanjax.joints.iwan import DISTRIBUTION_PARAMETERS
 from iwanjax.joints.iwan4 import Iwan4
 from iwanjax.joints.iwan5 import Iwan5
 from iwanjax.joints.jenkins import Jenkins
@@ -11,6 +12,7 @@ from iwanjax.joints.masing import masing_dissipation, masing_loading
 from iwanjax.joints.springs import CubicSpring, Gap, LinearSpring
 
 __all__ = [
+    "DISTRIBUTION_PARAMETERS",
     "JOINTS",
     "AbstractJoint",
     "CubicSpring",

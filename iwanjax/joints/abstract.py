@@ -55,6 +55,22 @@ class ParameterInfo:
         below = value <= self.upper if self.closed in ("upper", "both") else value < self.upper
         return above & below
 
+    def check(self, value: Array, owner: str) -> None:
+        """Refuse a value outside the bounds, naming it and its element; traced ones pass.
+
+        Raises
+        ------
+        InputError
+        """
+        if is_traced(value):
+            return
+        inside = self.contains(np.asarray(value))
+        if not np.all(inside):
+            worst = np.asarray(value)[~inside].ravel()[0]
+            raise InputError(
+                f"{owner}: {self.name} = {worst:.17g} ({self.meaning}) lies outside {self.range}"
+            )
+
     @property
     def range(self) -> str:
         """The bounds as text, for instance ``(-1, inf)``."""
@@ -186,15 +202,7 @@ class AbstractJoint(eqx.Module):
         for info in self.parameters:
             value = getattr(self, info.name)
             shapes.append(value.shape)
-            if is_traced(value):
-                continue
-            inside = info.contains(np.asarray(value))
-            if not np.all(inside):
-                worst = np.asarray(value)[~inside].ravel()[0]
-                raise InputError(
-                    f"{type(self).__name__}: {info.name} = {worst:.17g} ({info.meaning}) "
-                    f"lies outside {info.range}"
-                )
+            info.check(value, type(self).__name__)
         try:
             np.broadcast_shapes(*shapes)
         except ValueError:

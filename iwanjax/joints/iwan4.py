@@ -7,59 +7,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.iwan import IWAN_PARAMETERS, AbstractIwan, physical_of
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.power import power
-from iwanjax.types import ArrayLike, as_real, real
-
-IWAN_PARAMETERS = (
-    ParameterInfo("F_S", "force", "force at macroslip", lower=0.0, transform="log"),
-    ParameterInfo("K_T", "force/length", "tangent stiffness at rest", lower=0.0, transform="log"),
-    ParameterInfo(
-        "chi",
-        "1",
-        "exponent of the slider distribution",
-        lower=-1.0,
-        transform="logit",
-        usual=(-1.0, 0.0),
-    ),
-    ParameterInfo(
-        "beta",
-        "1",
-        "Dirac share over power-law share of the stiffness",
-        lower=0.0,
-        closed="lower",
-        transform="log",
-    ),
-)
+from iwanjax.types import ArrayLike, real
 
 
-def phi_max_of(F_S: Array, K_T: Array, chi: Array, beta: Array) -> Array:
-    """Deflection at macroslip, thesis Eq. (2.10)."""
-    return F_S * (1.0 + beta) / (K_T * (beta + (chi + 1.0) / (chi + 2.0)))
-
-
-def distribution_of(F_S: Array, K_T: Array, chi: Array, beta: Array) -> tuple[Array, Array]:
-    """Strengths (R, S) of the power law and of the Dirac slider, thesis Eqs. (2.11), (A.5)."""
-    phi_max = phi_max_of(F_S, K_T, chi, beta)
-    power_law_share = K_T / (1.0 + beta)
-    return power_law_share * (chi + 1.0) / phi_max ** (chi + 1.0), beta * power_law_share
-
-
-def physical_of(R: ArrayLike, S: ArrayLike, chi: ArrayLike, phi_max: ArrayLike) -> dict[str, Array]:
-    """Parameters F_S, K_T, chi, beta of a distribution, thesis Eqs. (A.3) to (A.5)."""
-    R, S = as_real(R, "R"), as_real(S, "S")
-    chi, phi_max = as_real(chi, "chi"), as_real(phi_max, "phi_max")
-    power_law_share = R * phi_max ** (chi + 1.0) / (chi + 1.0)
-    return {
-        "F_S": phi_max * (power_law_share * (chi + 1.0) / (chi + 2.0) + S),
-        "K_T": power_law_share + S,
-        "chi": chi,
-        "beta": S / power_law_share,
-    }
-
-
-class Iwan4(AbstractJoint):
+class Iwan4(AbstractIwan):
     r"""Four-parameter Iwan element (Segalman 2005; thesis App. A).
 
     Sliders in parallel, their thresholds :math:`\phi` distributed as
@@ -120,32 +75,7 @@ class Iwan4(AbstractJoint):
         phi_max : array_like
             Deflection at macroslip, length.
         """
-        return cls(**physical_of(R, S, chi, phi_max))
-
-    @property
-    def phi_max(self) -> Array:
-        """Deflection at macroslip, length (2.10)."""
-        return phi_max_of(self.F_S, self.K_T, self.chi, self.beta)
-
-    @property
-    def R(self) -> Array:
-        """Strength of the power law, force/length^(chi+2) (2.11)."""
-        return distribution_of(self.F_S, self.K_T, self.chi, self.beta)[0]
-
-    @property
-    def S(self) -> Array:
-        """Strength of the Dirac slider, force/length (A.5)."""
-        return distribution_of(self.F_S, self.K_T, self.chi, self.beta)[1]
-
-    @property
-    def initial_stiffness(self) -> Array:
-        """K_T, force/length."""
-        return self.K_T
-
-    @property
-    def limit_stiffness(self) -> Array:
-        """Zero: in macroslip the force stays at F_S."""
-        return jnp.zeros_like(self.K_T)
+        return cls(**physical_of(cls.__name__, R, S, chi, phi_max))
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent), Eq. (3.25) and its macroslip continuation."""

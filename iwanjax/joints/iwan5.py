@@ -6,13 +6,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
-from iwanjax.joints.iwan4 import IWAN_PARAMETERS, distribution_of, phi_max_of, physical_of
+from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.iwan import IWAN_PARAMETERS, AbstractIwan, physical_of
 from iwanjax.joints.power import is_positive, power
 from iwanjax.types import ArrayLike, Scalar, real
 
 
-class Iwan5(AbstractJoint):
+class Iwan5(AbstractIwan):
     r"""Five-parameter Iwan-type element (Mignolet et al. 2015; thesis chapter 4).
 
     The distribution is that of the four-parameter element, but a slider that starts to
@@ -71,22 +71,7 @@ class Iwan5(AbstractJoint):
         cls, *, R: ArrayLike, S: ArrayLike, chi: ArrayLike, phi_max: ArrayLike, theta: ArrayLike
     ) -> Self:
         """The same element from its slider distribution; arguments as ``Iwan4``'s, and theta."""
-        return cls(**physical_of(R, S, chi, phi_max), theta=theta)
-
-    @property
-    def phi_max(self) -> Array:
-        """Deflection at which the last slider lets go, length (2.10)."""
-        return phi_max_of(self.F_S, self.K_T, self.chi, self.beta)
-
-    @property
-    def R(self) -> Array:
-        """Strength of the power law, force/length^(chi+2) (2.11)."""
-        return distribution_of(self.F_S, self.K_T, self.chi, self.beta)[0]
-
-    @property
-    def S(self) -> Array:
-        """Strength of the Dirac slider, force/length (A.5)."""
-        return distribution_of(self.F_S, self.K_T, self.chi, self.beta)[1]
+        return cls(**physical_of(cls.__name__, R, S, chi, phi_max), theta=theta)
 
     @property
     def R_bar(self) -> Array:
@@ -96,16 +81,6 @@ class Iwan5(AbstractJoint):
         """
         bracket = (1.0 - self.theta) * self.chi + 2.0
         return self.R * bracket * 2.0 ** (self.chi + 1.0) / (1.0 + self.theta) ** (self.chi + 2.0)
-
-    @property
-    def initial_stiffness(self) -> Array:
-        """K_T, force/length."""
-        return self.K_T
-
-    @property
-    def limit_stiffness(self) -> Array:
-        """Zero: in macroslip the force stays at theta F_S."""
-        return jnp.zeros_like(self.K_T)
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent), Eq. (4.5); theta F_S from phi_max on."""

@@ -109,6 +109,28 @@ def test_theta_is_bounded(theta):
         ij.Iwan5(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0, theta=theta)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"R": 0.0}, "R = 0 .strength of the power law"),
+        ({"S": -1.0}, "S = -1"),
+        ({"phi_max": 0.0}, "phi_max = 0"),
+        ({"chi": -1.0}, "chi = -1"),
+    ],
+)
+@pytest.mark.parametrize("kind", [ij.Iwan4, ij.Iwan5])
+def test_bad_distributions_get_one_clear_line(kind, change, message):
+    values = {"R": 7e5, "S": 9e3, "chi": -0.6, "phi_max": 6e-4} | change
+    extra = {"theta": 0.5} if kind is ij.Iwan5 else {}
+    with pytest.raises(ij.InputError, match=f"{kind.__name__}: {message}"):
+        kind.from_distribution(**values, **extra)
+
+
+def test_bad_background_damping():
+    with pytest.raises(ij.InputError, match="PowerLawDamping: zeta_0 = -1"):
+        ij.PowerLawDamping(c_1=1.0, chi=0.0, zeta_0=-1.0)
+
+
 def test_catalogue():
     assert joint_type("iwan4") is ij.Iwan4
     with pytest.raises(ij.InputError, match="'iwan_4' is unknown; did you mean 'iwan4'"):
