@@ -25,6 +25,8 @@ from iwanjax.results import Result
 
 _TOLERANCE = 1e-11
 _MAX_STEPS = 200
+# Mismatch of the deflections, relative to the largest, above which a level is not solved.
+_ACCEPTED = 1e-9
 
 
 class _Lane(NamedTuple):
@@ -34,6 +36,7 @@ class _Lane(NamedTuple):
     q: Array
     lam: Array
     norm2: Array
+    error: Array
     done: Array
 
 
@@ -91,8 +94,9 @@ def updated_shapes(
         solution = optx.root_find(mismatch, solver, safe / scale, max_steps=_MAX_STEPS, throw=False)
         d = solution.value * scale
         q, lam, others = motion(d)
-        done = solved & (solution.result == optx.RESULTS.successful)
-        return _Lane(d, q, lam, q**2 + jnp.sum(others**2), done)
+        error = jax.lax.stop_gradient(jnp.max(jnp.abs(mismatch(solution.value, None))))
+        done = solved & (solution.result == optx.RESULTS.successful) & (error < _ACCEPTED)
+        return _Lane(d, q, lam, q**2 + jnp.sum(others**2), error, done)
 
     in_axes = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, joints)
     over_levels = jax.vmap(lane, in_axes=(None, None, 0, 0))
@@ -123,6 +127,6 @@ def updated_shapes(
         result=jnp.where(
             (found.result == Result.CONVERGED) & ~lanes.done, Result.EXHAUSTED, found.result
         ).astype(jnp.int8),
-        error=jnp.where(lanes.done, _TOLERANCE, jnp.nan),
+        error=lanes.error,
         deflection=jnp.where(lanes.done[..., None], lanes.d, jnp.nan),
     )

@@ -110,7 +110,7 @@ class JointedStructure(eqx.Module):
             Phi,
             jnp.asarray(P),
             jnp.asarray(stiffness),
-            _independent_rows(P / np.asarray(omega), self.labels),
+            _independent_rows(P, B, np.asarray(structure.M), np.asarray(omega), self.labels),
         )
 
     @property
@@ -206,14 +206,21 @@ def _entry(label: str, entry: object, n: int) -> tuple[np.ndarray, AbstractJoint
     return row, entry[1]
 
 
-def _independent_rows(flexible: np.ndarray, labels: tuple[str, ...]) -> tuple[int, ...]:
+def _independent_rows(
+    P: np.ndarray, B: np.ndarray, M: np.ndarray, omega: np.ndarray, labels: tuple[str, ...]
+) -> tuple[int, ...]:
     """Joints whose deflections span those of all, the first come first."""
+    # All modes together, rigid ones too, would give b^T M^-1 b.
+    whole = np.sum(B * np.linalg.solve(M, B.T).T, axis=1)
     directions: list[np.ndarray] = []
     kept = []
-    for i, row in enumerate(flexible):
+    for i, row in enumerate(P / omega):
+        if np.sum(P[i] ** 2) < _DEPENDENT**2 * whole[i]:
+            raise InputError(
+                f"joint {labels[i]!r} does not deflect in any elastic mode: its row sees only "
+                "rigid-body motion"
+            )
         size = np.linalg.norm(row)
-        if size == 0:
-            raise InputError(f"joint {labels[i]!r} does not deflect in any elastic mode")
         rest = row / size
         for direction in directions:
             rest = rest - (rest @ direction) * direction

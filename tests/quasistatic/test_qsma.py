@@ -184,6 +184,7 @@ def test_updated_shape_is_the_mode_of_the_secant_structure():
     for r in range(3):
         solution = ij.qsma(system, r, ALPHA, 1e-4, shape="updated")
         assert bool(solution.converged.all())
+        assert 0 < float(solution.error.max()) < 1e-9
         for level in (0, 20, 39):
             k = float(system.elements[0].secant(solution.deflection[level, 0]))
             values = scipy.linalg.eigh(K + k * np.outer(ROW, ROW), 10 * np.eye(3))[0]
