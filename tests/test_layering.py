@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 LAYERS = [
-    {"errors", "types", "curves", "results"},
+    {"errors", "types", "curves", "results", "files"},
     {"joints", "signals"},
     {"structures"},
     {"quasistatic", "dynamics"},

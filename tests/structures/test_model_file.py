@@ -2,6 +2,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
+from matlab73 import write_matlab73
 from numpy.testing import assert_allclose
 
 from iwanjax.errors import InputError
@@ -108,9 +109,16 @@ def test_python_objects_are_never_loaded(tmp_path):
     check_refused(path, ["row_labels", "pickled", "dtype=str"])
 
 
-def test_matlab_7_3_is_told_apart(tmp_path):
-    path = write(tmp_path / "model.h5", ARRAYS).rename(tmp_path / "model.mat")
-    check_refused(path, ["v7.3", "-v7"])
+@pytest.mark.parametrize("labels", [ARRAYS["row_labels"], CELL, CELL.T])
+def test_matlab_7_3(tmp_path, labels):
+    nothing = {"sensor_labels": np.empty((0, 0), dtype=object), "sensor_rows": np.zeros((0, 2))}
+    skewed = {"rows": np.array([[1.0, -2.0], [3.0, 4.0]])}
+    arrays = {**ARRAYS, **nothing, **skewed, "row_labels": labels}
+    model = read_model(write_matlab73(tmp_path / "model.mat", arrays))
+    assert_allclose(model.structure.K, ARRAYS["K"])
+    assert list(model.rows) == ["J1", "m1-ground"]
+    assert_allclose(model.rows["J1"], [1.0, -2.0])
+    assert model.sensors == {}
 
 
 def test_a_group_is_no_array(tmp_path):
@@ -118,6 +126,12 @@ def test_a_group_is_no_array(tmp_path):
     with h5py.File(path, "a") as file:
         file.create_group("K")
     check_refused(path, ["K is a group", "dataset"])
+
+
+def test_matlab_7_3_cut_short(tmp_path):
+    path = tmp_path / "model.mat"
+    path.write_bytes(write_matlab73(path, ARRAYS).read_bytes()[:-100])
+    check_refused(path, ["cut short"])
 
 
 def test_an_unknown_extension(tmp_path):

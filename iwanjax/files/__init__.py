@@ -1,0 +1,9 @@
+"""Plain arrays out of container files: NumPy ``.npz``, MATLAB ``.mat``, HDF5.
+
+Nothing in a file is ever executed: pickled objects are refused.
+"""
+
+from iwanjax.files.arrays import existing_file, read_arrays
+from iwanjax.files.nodes import Node, Unreadable, nearest
+
+__all__ = ["Node", "Unreadable", "existing_file", "nearest", "read_arrays"]
