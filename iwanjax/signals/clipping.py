@@ -1,0 +1,70 @@
+"""Finding overloads: samples that rest at a signal's extremes."""
+
+import numpy as np
+
+from iwanjax.types import ArrayLike
+
+_SHORTEST_RUN = 3
+# Of the largest magnitude, what an extreme must reach: noise under one-sided pulses has one too.
+_EXTREME = 0.5
+# How many deviations of the noise make neighbours equal that are not.
+_NOISE = 2.0
+
+
+def clipped_samples(x: ArrayLike) -> int:
+    r"""How many samples of a signal are clipped.
+
+    A clipped signal arrives at its limit with speed and rests there. So does the crest of a
+    slow signal in coarse counts, but it arrives slowly: while L samples stay within q, the
+    parabola :math:`x_0 - c k^2 / 2` through them has :math:`c ((L - 1) / 2)^2 / 2 \le q` and by
+    the sample before the first it has fallen by no more than :math:`q ((L + 2) / (L - 1))^2`.
+    A run that falls deeper at either end is clipped; q is one count and what noise adds to it.
+
+    Parameters
+    ----------
+    x : (N,) array_like
+        Signal of any unit. Values that are not finite count as not clipped.
+
+    Returns
+    -------
+    int
+        Samples in runs of at least three equal ones at the largest or the smallest value.
+    """
+    x = np.asarray(x, dtype=np.float64).ravel()
+    finite = x[np.isfinite(x)]
+    if finite.size < _SHORTEST_RUN or np.ptp(finite) == 0.0:
+        return 0
+    spread = np.min(np.diff(np.unique(finite))) + _NOISE * _deviation(finite)
+    largest = np.max(np.abs(finite))
+    return sum(
+        _clipped_above(side, spread)
+        for side in (x, -x)
+        if np.max(side[np.isfinite(side)]) >= _EXTREME * largest
+    )
+
+
+def _deviation(x: np.ndarray) -> float:
+    """Deviation of white noise, from sixth differences: of a slow signal they hold little."""
+    if x.size <= 6:
+        return 0.0
+    # 924 is the sum of the squares of their weights, 0.6745 the median of a unit normal's size.
+    return float(np.median(np.abs(np.diff(x, 6))) / (0.6745 * np.sqrt(924.0)))
+
+
+def _clipped_above(x: np.ndarray, spread: float) -> int:
+    """Samples in clipped runs at the largest value; within ``spread`` samples may look equal."""
+    top = np.max(x[np.isfinite(x)])
+    edges = np.diff(np.concatenate([[False], x == top, [False]]).astype(int))
+    first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    lengths = last - first + 1
+    long = lengths >= _SHORTEST_RUN
+    first, last, lengths = first[long], last[long], lengths[long]
+    clipped = np.zeros(lengths.shape, dtype=bool)
+    for m in (1, lengths):
+        # Beyond the ends of the signal, and where it has no value, nothing falls.
+        before = np.where(first >= m, x[np.maximum(first - m, 0)], top)
+        after = np.where(last + m < x.size, x[np.minimum(last + m, x.size - 1)], top)
+        fall = top - np.fmin(before, after)
+        # Half a count more, for what rounding adds.
+        clipped |= fall > spread * (((lengths + 2 * m) / (lengths - 1)) ** 2 + 0.5)
+    return int(np.sum(lengths[clipped]))

@@ -1,0 +1,113 @@
+"""Reading recordings from files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from iwanjax.errors import InputError
+from iwanjax.signals.recording import Recording
+from iwanjax.signals.records import Selection, records
+
+
+def read_recordings(
+    path: str | Path,
+    *,
+    variable: str | None = None,
+    time: str = "time",
+    response: str | Sequence[str] | None = None,
+    force: str | Sequence[str] | None = None,
+    sampling_rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    quantity: str = "",
+    unit: str = "",
+) -> tuple[Recording, ...]:
+    """Read all recordings of a file.
+
+    Understood are NumPy ``.npz``, MATLAB ``.mat`` of every version and HDF5 with
+
+    * arrays time (N,), response (N, s) or (s, N) and perhaps force, at the top or in a
+      struct or group; channels may also be arrays of their own;
+    * an array or cell of such structs;
+    * a cell with one row per recording: time, response, and numbers, which are left out;
+
+    and CSV with a header row: time, and a column per channel.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; its extension says how it is read.
+    variable : str, optional
+        The struct, group or cell with the recordings; may be left out where only one has any.
+    time : str
+        Name of the time axis, s. By default also ``t``, ``time_s`` and the like.
+    response : str or sequence of str, optional
+        Names of the arrays or columns to take; by default ``response``, or else every
+        series that is neither time nor force.
+    force : str or sequence of str, optional
+        Names of the forces; by default all that start with ``force``. ``[]`` for none.
+    sampling_rate : float, optional
+        Hz; needed where there is no time. A time axis must agree to 1e-3; where its values
+        were only rounded, it is made exact.
+    channels, inputs : sequence of str, optional
+        Names for the columns of response and of force, in their order.
+    quantity, unit : str
+        What the response measures, and its unit as a label; nothing is converted. The
+        quantity of a channel called acc..., vel... or disp... need not be given.
+
+    Returns
+    -------
+    tuple of Recording
+        Named after the file, and numbered from 0 where there are several.
+
+    Raises
+    ------
+    InputError
+        One line naming the file, the array or the line and column, what arrived, what was
+        expected and what to try.
+    """
+    selection = Selection(time, response, force, sampling_rate, channels, inputs, quantity, unit)
+    found = records(path, variable, selection)
+    return tuple(record.select(selection).recording() for record in found)
+
+
+def read_recording(
+    path: str | Path,
+    index: int | None = None,
+    *,
+    variable: str | None = None,
+    time: str = "time",
+    response: str | Sequence[str] | None = None,
+    force: str | Sequence[str] | None = None,
+    sampling_rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    quantity: str = "",
+    unit: str = "",
+) -> Recording:
+    """Read one recording; the others in the file may be faulty.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    index : int, optional
+        Which one, counted from 0; may be left out where there is only one.
+    variable, time, response, force, sampling_rate, channels, inputs, quantity, unit
+        As for :func:`read_recordings`.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    InputError
+        As for :func:`read_recordings`, and when ``index`` is missing or out of range.
+    """
+    selection = Selection(time, response, force, sampling_rate, channels, inputs, quantity, unit)
+    found = records(path, variable, selection)
+    if index is None and len(found) > 1:
+        raise InputError(f"{path}: holds {len(found)} recordings; give index=0 to {len(found) - 1}")
+    if not 0 <= (index or 0) < len(found):
+        raise InputError(f"{path}: index is {index}; expected 0 to {len(found) - 1}")
+    return found[index or 0].select(selection).recording()
