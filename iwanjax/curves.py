@@ -7,6 +7,9 @@ from jaxtyping import Array, Float
 from iwanjax.errors import InputError
 from iwanjax.types import ArrayLike, is_traced, real
 
+QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+"""What a sensor may measure, and how often that is differentiated in time."""
+
 
 class ModalCurves(eqx.Module):
     r"""Amplitude-dependent frequency and damping of one mode, or of a batch of them.
@@ -98,6 +101,40 @@ class ModalCurves(eqx.Module):
             unit=unit,
             name=self.name,
         )
+
+    def as_quantity(self, quantity: str, unit: str = "") -> "ModalCurves":
+        r"""The same curves against another of displacement, velocity and acceleration.
+
+        .. math:: \omega\,|u| = |\dot u| = |\ddot u|/\omega
+
+        (thesis Eq. 2.22), with each level's own frequency. The damping does not change: it
+        is that of energy lost per cycle, whatever was measured.
+
+        Parameters
+        ----------
+        quantity : {"displacement", "velocity", "acceleration", "modal displacement"}
+            What the amplitude shall be; "modal displacement" is a displacement.
+        unit : str
+            Its unit for labels; nothing is converted.
+
+        Returns
+        -------
+        ModalCurves
+
+        Raises
+        ------
+        InputError
+            For a quantity that is none of these, here or in the present curves.
+        """
+        derivatives = QUANTITIES | {"modal displacement": 0}
+        for known in (self.quantity, quantity):
+            if known not in derivatives:
+                raise InputError(
+                    f"as_quantity: {known!r} is none of {', '.join(derivatives)}; it cannot be "
+                    "converted"
+                )
+        power = derivatives[quantity] - derivatives[self.quantity]
+        return self.scaled((2.0 * np.pi * self.frequency) ** power, quantity, unit)
 
     def _matched(self, value: ArrayLike, name: str) -> Array:
         array = real(value)

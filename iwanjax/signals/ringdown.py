@@ -1,0 +1,329 @@
+"""Frequency and damping against amplitude from a free decay, by the Hilbert transform."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from iwanjax.curves import QUANTITIES, ModalCurves
+from iwanjax.errors import InputError
+from iwanjax.signals.clipping import clipped_samples
+from iwanjax.signals.decay import centred, decay_span, measured_noise, plan_intervals
+from iwanjax.signals.filters import analytic_signal, check_band, check_signal
+from iwanjax.types import ArrayLike
+
+_FEWEST_SAMPLES = 64
+_FEWEST_INTERVALS = 3
+# Of the highest amplitude, what the lowest must be below for a signal to be a decay.
+_LEAST_DECAY = 0.8
+# Deviations by which a damping is negative for sure; scatter of its logarithm about a quartic
+# in that of the amplitude which no joint shows, and levels needed to tell.
+_SURE, _LARGEST_SCATTER, _ENOUGH_FOR_SCATTER = 4.0, 0.2, 8
+
+
+@dataclass(frozen=True, eq=False)
+class RingDown:
+    r"""A free decay taken apart: result of :func:`ringdown`.
+
+    Attributes
+    ----------
+    curves : ModalCurves
+        Amplitude, frequency and damping with their standard deviations at the midpoint of
+        each interval, in the order of time: amplitudes fall.
+    time : (levels,) array
+        Midpoints of the intervals, s from the first sample.
+    edges : (levels + 1,) array
+        Ends of the intervals, s.
+    signal_time : (N,) array
+        Times of ``envelope`` and ``phase``, s: from the start of the free decay on.
+    envelope : (N,) array
+        exp(psi_1), in the signal's unit (2.18).
+    phase : (N,) array
+        psi_2, rad, unwrapped (2.17).
+    noise : (levels,) array
+        Deviation of the band-passed signal's noise around each interval, in its unit.
+    band : (float, float)
+        Hz.
+    """
+
+    curves: ModalCurves
+    time: np.ndarray
+    edges: np.ndarray
+    signal_time: np.ndarray = field(repr=False)
+    envelope: np.ndarray = field(repr=False)
+    phase: np.ndarray = field(repr=False)
+    noise: np.ndarray = field(repr=False)
+    band: tuple[float, float]
+
+
+def ringdown_curves(
+    signal: ArrayLike, sampling_rate: float, band: tuple[float, float], **options: Any
+) -> ModalCurves:
+    """Frequency and damping against amplitude: ``ringdown(...).curves``.
+
+    Parameters
+    ----------
+    signal : (N,) array_like
+        One channel, with one mode in the band.
+    sampling_rate : float
+        Hz.
+    band : (float, float)
+        Corners of the band-pass, Hz.
+    **options
+        As for :func:`ringdown`.
+
+    Returns
+    -------
+    ModalCurves
+
+    Raises
+    ------
+    InputError
+        As :func:`ringdown`.
+    """
+    return ringdown(signal, sampling_rate, band, **options).curves
+
+
+def ringdown(
+    signal: ArrayLike,
+    sampling_rate: float,
+    band: tuple[float, float],
+    quantity: str = "velocity",
+    *,
+    unit: str = "",
+    name: str = "",
+    start: float | None = None,
+    end: float | None = None,
+    precision: float = 0.02,
+    order: int = 3,
+) -> RingDown:
+    r"""Hilbert analysis of a free decay with piecewise-linear fits (thesis Sec. 2.2.2).
+
+    The analytic signal of the band-passed channel is :math:`\exp(\psi_1 + i\psi_2)`. In
+    each interval of time a line is fitted to :math:`\psi_1` and to :math:`\psi_2`; their
+    slopes :math:`\alpha < 0` and :math:`\omega` give, at the interval's midpoint,
+
+    .. math:: f = \frac{\sqrt{\omega^2+\alpha^2}}{2\pi}, \qquad
+              \zeta = \frac{-\alpha}{\sqrt{\omega^2+\alpha^2}}
+
+    (2.21), which is printed without the minus sign. Unlike the thesis's each interval has
+    a line of its own, so that the errors of different points are independent. A line's
+    slope is an average of the derivative over its interval (with a parabola as weight); the
+    neighbours' slopes give the curvature that turns it into the midpoint's value.
+
+    **Convention.** The amplitude is the peak of the fundamental, in the signal's own
+    quantity; :meth:`ModalCurves.as_quantity` converts by (2.22). The damping is that of the
+    acceleration's envelope whatever was measured,
+    :math:`\alpha + (2-k)\,\mathrm{d}\ln\omega/\mathrm{d}t` with k = 0, 1, 2 for
+    displacement, velocity, acceleration: of the three it is the one that equals the energy
+    lost per cycle, :math:`D/(2\pi\omega^2q^2)`, when a Masing joint's frequency changes with
+    amplitude. The envelope of displacement shows more, by twice
+    :math:`-\mathrm{d}\ln\omega/\mathrm{d}\ln q` (checked against discrete sliders).
+
+    **Deviations** come from the noise that each interval's own residual shows near the
+    carrier, carried through the fits. They do not know of other modes in the band, of
+    temperature, or of the next hit's bolts: see :func:`merge_curves`.
+
+    Parameters
+    ----------
+    signal : (N,) array_like
+        One channel or modal coordinate, with one mode in the band.
+    sampling_rate : float
+        Hz.
+    band : (float, float)
+        Corners of the zero-phase Butterworth band-pass, Hz.
+    quantity : {"velocity", "displacement", "acceleration"}
+        What the signal is.
+    unit, name : str
+        Labels for plots and reports.
+    start, end : float, optional
+        The span of the free decay, s from the first sample. By default it starts after the
+        last rise of the envelope (the last contact) and ends where the noise comes within
+        a factor of six of the envelope. Where the filter has not settled nothing is used.
+    precision : float
+        Relative deviation of the damping that an interval is made long enough for, as far
+        as the amplitude changes neither by less than 8 nor by more than 40 per cent in it.
+    order : int
+        Order of the Butterworth prototype.
+
+    Returns
+    -------
+    RingDown
+
+    Raises
+    ------
+    InputError
+        For a signal that is not a row of finite numbers, too short, clipped, without
+        decay, or lost in noise; for a band outside (0, half the sampling rate).
+    """
+    x = _checked_signal(signal)
+    band = check_band(band, sampling_rate, order)
+    if quantity not in QUANTITIES:
+        raise InputError(f"quantity = {quantity!r}: expected one of {', '.join(QUANTITIES)}")
+    if not 0.0 < precision < 1.0:
+        raise InputError(f"precision = {precision!r}: expected a fraction, for instance 0.02")
+    span = decay_span(x, sampling_rate, band, order, start, end)
+    z = analytic_signal(centred(x[span.first : span.stop]), sampling_rate, band, order)
+    _refuse_clipped(x[span.first : span.stop], span.settled)
+    psi_1, psi_2 = np.log(np.abs(z)), np.unwrap(np.angle(z))
+    noise = measured_noise(z, sampling_rate, band, order, span.settled)
+    _refuse_no_decay(psi_1, slice(span.settled, noise.stop), band)
+    edges = plan_intervals(psi_1, sampling_rate, band, noise, span.settled, precision)
+    if edges.size - 1 < _FEWEST_INTERVALS:
+        raise InputError(
+            f"ringdown: the {(edges[-1] - edges[0]) / sampling_rate:.3g} s between the filter's "
+            "settling and the noise are too short for three intervals; widen the band or record "
+            "longer"
+        )
+    lines = _fit_lines(psi_1, psi_2, sampling_rate, edges, noise.at(edges))
+    curves = _curves(lines, QUANTITIES[quantity], quantity, unit, name)
+    _refuse_beats(curves, band)
+    begin = span.first / sampling_rate
+    return RingDown(
+        curves,
+        begin + lines.middle,
+        begin + edges / sampling_rate,
+        begin + np.arange(z.size) / sampling_rate,
+        np.abs(z),
+        psi_2,
+        np.sqrt(noise.at(0.5 * (edges[1:] + edges[:-1])) * (band[1] - band[0])),
+        band,
+    )
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Lines fitted to psi_1 and psi_2 in each interval, with variances."""
+
+    middle: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    height_variance: np.ndarray
+    rate: np.ndarray
+    omega: np.ndarray
+    slope_variance: np.ndarray
+
+
+def _fit_lines(
+    psi_1: np.ndarray,
+    psi_2: np.ndarray,
+    sampling_rate: float,
+    edges: np.ndarray,
+    density: np.ndarray,
+) -> _Lines:
+    """Least-squares lines; noise is white near the carrier, with a density at each edge."""
+    rows = []
+    for i in range(edges.size - 1):
+        a, b = edges[i], edges[i + 1]
+        t = np.arange(a, b) / sampling_rate
+        middle = 0.5 * (t[0] + t[-1])
+        lever = (t - middle) / np.sum((t - middle) ** 2)
+        mean = np.full(t.size, 1.0 / t.size)
+        # In-phase noise of the envelope and of the phase, relative to the amplitude.
+        variance = 0.5 * (density[i] + density[i + 1]) * sampling_rate * np.exp(-2.0 * psi_1[a:b])
+        rows.append(
+            (
+                middle,
+                t.size / sampling_rate,
+                mean @ psi_1[a:b],
+                mean**2 @ variance,
+                lever @ psi_1[a:b],
+                lever @ psi_2[a:b],
+                lever**2 @ variance,
+            )
+        )
+    return _Lines(*np.array(rows).T)
+
+
+def _curves(lines: _Lines, derivatives: int, quantity: str, unit: str, name: str) -> ModalCurves:
+    """Values at the midpoints from the lines' averages, and what follows from them."""
+    to_middle, to_slope = _midpoint_operators(lines.middle, lines.width)
+    rate, omega = to_middle @ lines.rate, to_middle @ lines.omega
+    slope_std = np.sqrt(to_middle**2 @ lines.slope_variance)
+    # A line at its middle is the mean, which lies off the curve by its curvature.
+    height = lines.height - to_slope @ lines.rate * lines.width**2 / 24.0
+    amplitude = np.exp(height)
+    rate = rate + (2 - derivatives) * (to_slope @ lines.omega) / omega
+    natural = np.hypot(omega, rate)
+    return ModalCurves(
+        amplitude,
+        natural / (2.0 * math.pi),
+        -rate / natural,
+        amplitude_std=amplitude * np.sqrt(lines.height_variance),
+        frequency_std=slope_std / (2.0 * math.pi),
+        damping_std=slope_std / natural,
+        quantity=quantity,
+        unit=unit,
+        name=name,
+    )
+
+
+def _midpoint_operators(middle: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Matrices from the lines' slopes to the derivative and its slope at the midpoints.
+
+    The slope of a line of width h is the derivative's average with a parabola as weight,
+    whose variance is h^2/20. A quadratic through the averages of three neighbours gives
+    the value at the middle.
+    """
+    count = middle.size
+    value, slope = np.zeros((count, count)), np.zeros((count, count))
+    for i in range(count):
+        first = min(max(i - 1, 0), count - 3)
+        near = slice(first, first + 3)
+        dt = (middle[near] - middle[i]) / width[i]
+        spread = (width[near] / width[i]) ** 2 / 20.0
+        averages = np.column_stack([np.ones(3), dt, dt**2 + spread])
+        inverse = np.linalg.inv(averages)
+        value[i, near], slope[i, near] = inverse[0], inverse[1] / width[i]
+    return value, slope
+
+
+def _checked_signal(signal: ArrayLike) -> np.ndarray:
+    """A row of enough finite numbers that vary."""
+    x = check_signal(signal)
+    if x.size < _FEWEST_SAMPLES:
+        raise InputError(f"signal has {x.size} samples; expected at least {_FEWEST_SAMPLES}")
+    if np.ptp(x) == 0.0:
+        raise InputError(f"signal is {x[0]:g} throughout; is the sensor connected?")
+    return x
+
+
+def _refuse_clipped(x: np.ndarray, settled: int) -> None:
+    """A channel that was overloaded where it is analysed measures nothing there."""
+    count = clipped_samples(x[settled:])
+    if count:
+        raise InputError(
+            f"signal is clipped: {count} samples of the decay rest at its extreme; lower the "
+            "range's gain, or give start= after the overload"
+        )
+
+
+def _refuse_no_decay(psi_1: np.ndarray, usable: slice, band: tuple[float, float]) -> None:
+    """The envelope must fall: compared are the means of the first and last eighth."""
+    inside = psi_1[usable]
+    share = max(1, inside.size // 8)
+    first, last = np.exp(np.mean(inside[:share])), np.exp(np.mean(inside[-share:]))
+    if last > _LEAST_DECAY * first:
+        raise InputError(
+            f"ringdown: no decay in {band[0]:g} to {band[1]:g} Hz: the envelope goes from "
+            f"{first:.3g} to {last:.3g}; expected a free decay of one mode"
+        )
+
+
+def _refuse_beats(curves: ModalCurves, band: tuple[float, float]) -> None:
+    """The damping of one mode goes smoothly with its amplitude; that of two that beat does not."""
+    zeta, std = np.asarray(curves.damping), np.asarray(curves.damping_std)
+    grows = bool(np.any(zeta < -_SURE * std))
+    known = (zeta > 0) & (std < 0.2 * zeta)
+    scatter = 0.0
+    if np.count_nonzero(known) >= _ENOUGH_FOR_SCATTER:
+        x, y = np.log(np.asarray(curves.amplitude)[known]), np.log(zeta[known])
+        scatter = float(np.std(y - np.polynomial.Polynomial.fit(x, y, 4)(x)))
+    if grows or scatter > _LARGEST_SCATTER:
+        raise InputError(
+            f"ringdown: the envelope in {band[0]:g} to {band[1]:g} Hz beats: the damping "
+            f"{'turns negative' if grows else f'scatters by {100 * scatter:.0f} %'} along the "
+            "decay, far more than the noise lets it; the band holds more than one mode, narrow "
+            "it or use a modal filter"
+        )
