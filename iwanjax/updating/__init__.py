@@ -1,0 +1,37 @@
+"""Updating: parameters, fits and posteriors from measured curves."""
+
+from iwanjax.updating.fit import fit
+from iwanjax.updating.modal import modal_parameters
+from iwanjax.updating.parameters import Parameter
+from iwanjax.updating.posterior import Band, Posterior, sample_posterior
+from iwanjax.updating.power_law import Exponents, free_exponents
+from iwanjax.updating.priors import (
+    PRIORS,
+    AbstractPrior,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Uniform,
+)
+from iwanjax.updating.solution import Direction, FitSolution
+from iwanjax.updating.structural import structural_parameters
+
+__all__ = [
+    "PRIORS",
+    "AbstractPrior",
+    "Band",
+    "Direction",
+    "Exponents",
+    "FitSolution",
+    "LogNormal",
+    "LogUniform",
+    "Normal",
+    "Parameter",
+    "Posterior",
+    "Uniform",
+    "fit",
+    "free_exponents",
+    "modal_parameters",
+    "sample_posterior",
+    "structural_parameters",
+]

@@ -1,0 +1,96 @@
+"""The density that a posterior is sampled from, in the variables of its problem."""
+
+import math
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.updating.parameters import Parameter
+from iwanjax.updating.priors import AbstractPrior
+from iwanjax.updating.problem import AbstractProblem
+
+NOISE_SCALES = ("noise_scale_frequency", "noise_scale_damping")
+"""Factors on the stated deviations of the two kinds of data."""
+
+# Deviation of the logarithm of those factors before the data: a factor of e either way.
+_NOISE_SIGMA = 1.0
+
+
+class Density(eqx.Module):
+    r"""Logarithm of the posterior density of (z, ln s_f, ln s_zeta).
+
+    .. math:: -\frac12\sum\left(\frac{r_f}{s_f}\right)^2 - N\ln s_f
+              -\frac12\sum\left(\frac{r_\zeta}{s_\zeta}\right)^2 - N\ln s_\zeta
+              + \sum\ln p(\theta_i) + \ln\left|\frac{\partial\theta}{\partial z}\right|
+              + \ln p(s_f) + \ln p(s_\zeta)
+
+    The residuals r are over the stated deviations; the scales s say by how much those are
+    too small or too large, with log-normal priors about 1. Where the model leaves
+    something out they grow, and the intervals with them.
+    """
+
+    problem: AbstractProblem
+    priors: tuple[AbstractPrior, ...]
+
+    def __call__(self, y: Float[Array, " variables"]) -> Float[Array, ""]:
+        """Log density up to a constant; minus infinity where there is none."""
+        z, log_scales = y[:-2], y[-2:]
+        free = np.array(self.problem.chart.free)
+        theta = self.problem.to_values(z)
+        slopes = jax.jacfwd(self.problem.to_values)(z)[free]
+        _, log_volume = jnp.linalg.slogdet(slopes)
+        prior = sum(
+            (p.log_density(theta[i]) for p, i in zip(self.priors, free, strict=True)),
+            jnp.zeros(()),
+        )
+        inside = jnp.all(
+            (theta[free] >= self.problem.chart.lower[free])
+            & (theta[free] <= self.problem.chart.upper[free])
+        )
+        noise = -0.5 * jnp.sum((log_scales / _NOISE_SIGMA) ** 2)
+        kinds = self.problem.differences(theta)
+        data = sum(
+            (
+                -0.5 * jnp.sum(r**2) * jnp.exp(-2.0 * log) - r.size * log
+                for r, log in zip(kinds, log_scales, strict=True)
+            ),
+            jnp.zeros(()),
+        )
+        total = data + prior + log_volume + noise
+        return jnp.where(inside & jnp.isfinite(total), total, -jnp.inf)
+
+    @classmethod
+    def of(cls, problem: AbstractProblem, parameters: Sequence[Parameter]) -> "Density":
+        """The density of a problem with its parameters' priors."""
+        return cls(problem, tuple(p.prior for p in parameters if not p.fixed))
+
+
+@eqx.filter_jit
+def log_densities(density: Density, y: Float[Array, "walkers variables"]) -> Array:
+    """Log densities of many points, (walkers,)."""
+    return jax.vmap(density)(y)
+
+
+@eqx.filter_jit
+def values_of(problem: AbstractProblem, z: Float[Array, "draws free"]) -> Array:
+    """Parameter values of many points, (draws, parameters)."""
+    return jax.vmap(problem.to_values)(z)
+
+
+@eqx.filter_jit
+def spread_of(
+    problem: AbstractProblem, theta: Float[Array, " parameters"], root: Float[Array, "free k"]
+) -> Array:
+    """A deviation of the free parameters, column by column, as one of the variables."""
+    free = np.array(problem.chart.free)
+    slopes = jax.jacfwd(problem.to_variables)(theta)[:, free]
+    return slopes @ root
+
+
+def log_scale(misfit: float) -> float:
+    """Where a walk starts for the logarithm of a noise scale."""
+    return math.log(max(misfit, 0.1))

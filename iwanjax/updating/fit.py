@@ -1,0 +1,198 @@
+"""The verb: joint parameters from measured curves."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.curves import ModalCurves
+from iwanjax.errors import InputError
+from iwanjax.joints import AbstractJoint, joint_type
+from iwanjax.structures import JointedStructure
+from iwanjax.types import ArrayLike, require_double_precision
+from iwanjax.updating.modal import modal_parameters, modal_problem
+from iwanjax.updating.parameters import Parameter, replaced
+from iwanjax.updating.problem import AbstractProblem, Reference
+from iwanjax.updating.search import bounded, near_bounds, search
+from iwanjax.updating.solution import FitSolution, certainty
+from iwanjax.updating.structural import structural_parameters, structural_problem
+
+# Costs within this of each other are the same minimum.
+_SAME_COST = 1e-3
+# Starts that are iterated upon.
+_RUNS = 16
+
+
+def fit(
+    model: JointedStructure | type[AbstractJoint] | str,
+    curves: ModalCurves | Sequence[ModalCurves],
+    parameters: Mapping[str, Parameter] | None = None,
+    *,
+    modes: Sequence[int] | None = None,
+    sensors: Sequence[ArrayLike] | None = None,
+    groups: Mapping[str, Sequence[str]] | None = None,
+    reference: Reference | None = None,
+    starts: int = 64,
+    seed: int = 0,
+) -> FitSolution:
+    r"""Fit joint parameters to measured frequency and damping against amplitude.
+
+    Weighted least squares over all levels of all curves,
+
+    .. math:: \sum \left(\frac{f(q;\theta) - f}{\sigma_f}\right)^2
+              + \left(\frac{\zeta(q;\theta) - \zeta}{\sigma_\zeta}\right)^2,
+
+    by Levenberg-Marquardt (optimistix) from many starts in one batch; where a parameter
+    comes close to one of two bounds, from there by a bounded least squares (jaxopt). The
+    priors only provide the starts.
+
+    Parameters
+    ----------
+    model : str, joint class or JointedStructure
+        A joint's name or class fits one oscillator of unit modal mass with that joint to
+        the curves of one mode (thesis Eq. 2.7; "iwan4" is the modal Iwan model). A
+        structure has the parameters of its joints fitted through :func:`~iwanjax.qsma`.
+    curves : ModalCurves or sequence of them
+        Measured, with standard deviations; for one oscillator several hits of one mode, for
+        a structure one for each of ``modes``.
+    parameters : mapping of str to Parameter, optional
+        Replaces those of :func:`modal_parameters` or :func:`structural_parameters` by name.
+    modes : sequence of int, optional
+        For a structure: the mode of each curve; by default 0, 1, ...
+    sensors : sequence of (n,) array_like, optional
+        For a structure: the row of the sensor that each curve's amplitude belongs to;
+        without it the amplitudes are modal displacements.
+    groups : mapping of str to sequence of str, optional
+        For a structure: joints that share their parameters, under a common name.
+    reference : {"absolute", "shift"}, optional
+        Compare frequencies themselves (default for an oscillator), or up to one offset a
+        curve (default for a structure): errors of the linear model must not be paid for by
+        the joints (thesis Sec. 3.4.3).
+    starts : int
+        Starting points: the parameters' values, and draws from their priors. All are
+        improved and compared; sixteen, the best of each neighbourhood, are run to their
+        minimum.
+    seed : int
+        Of the draws.
+
+    Returns
+    -------
+    FitSolution
+
+    Raises
+    ------
+    InputError
+        For curves without deviations or with NaN, unknown parameters or joints, modes that
+        do not match.
+    PrecisionError
+        When JAX computes in float32.
+    """
+    require_double_precision("fit")
+    if not isinstance(starts, int) or starts < 1:
+        raise InputError(f"fit: starts = {starts!r}; expected a whole number, at least 1")
+    several = [curves] if isinstance(curves, ModalCurves) else list(curves)
+    if not several:
+        raise InputError("fit: no curves; expected at least one ModalCurves")
+    others = dict(parameters or {})
+    if isinstance(model, JointedStructure):
+        known = structural_parameters(model, groups)
+        row = replaced(tuple(known.values()), others)
+        problem = structural_problem(
+            model, several, row, modes, sensors, groups, reference or "shift"
+        )
+    else:
+        for name, given in (("modes", modes), ("sensors", sensors), ("groups", groups)):
+            if given is not None:
+                raise InputError(f"fit: {name} belong to a JointedStructure, not to one oscillator")
+        kind = joint_type(model) if isinstance(model, str) else model
+        if not (isinstance(kind, type) and issubclass(kind, AbstractJoint)):
+            raise InputError(
+                f"fit: expected a joint's name or class or a JointedStructure, got {model!r}"
+            )
+        row = replaced(tuple(modal_parameters(kind, several).values()), others)
+        problem = modal_problem(kind, several, row, reference or "absolute")
+    return solve(problem, row, several, starts, seed)
+
+
+def solve(
+    problem: AbstractProblem,
+    parameters: tuple[Parameter, ...],
+    curves: Sequence[ModalCurves],
+    starts: int,
+    seed: int,
+) -> FitSolution:
+    """Search a problem and say how sure its answer is."""
+    random = np.random.default_rng(seed)
+    draws = problem.spread(np.stack([_draws(p, random, starts) for p in parameters], axis=1))
+    found = search(problem, jnp.asarray(draws), min(starts, _RUNS))
+    cost = np.asarray(found.cost)
+    best = int(np.argmin(cost))
+    if not np.isfinite(cost[best]):
+        raise InputError(
+            "fit: no start gave finite residuals; are the amplitudes in the unit that the model "
+            "is in?"
+        )
+    theta = np.array(problem.to_values(found.z[best]))
+    active: dict[str, float] = {}
+    if near_bounds(problem.chart, theta):
+        theta = bounded(problem, theta)
+        active = {
+            p.name: float(value)
+            for p, value in zip(parameters, theta, strict=True)
+            if not p.fixed and p.transform == "logit" and value in (p.lower, p.upper)
+        }
+    final = tuple(
+        dataclasses.replace(p, value=float(value))
+        for p, value in zip(parameters, theta, strict=True)
+    )
+    f, zeta = (np.asarray(x) for x in problem.differences(jnp.asarray(theta)))
+    freedom = max(1, f.size + zeta.size - len(problem.chart.free) + len(active))
+    misfit = float(np.sqrt((np.sum(f**2) + np.sum(zeta**2)) / freedom))
+    sure = certainty(problem, final, tuple(active), misfit)
+    return FitSolution(
+        parameters=final,
+        covariance=sure.covariance,
+        derived=sure.derived,
+        undetermined=sure.undetermined,
+        determined=sure.determined,
+        active_bounds=active,
+        misfit=misfit,
+        misfit_frequency=float(np.sqrt(np.mean(f**2))),
+        misfit_damping=float(np.sqrt(np.mean(zeta**2))),
+        converged=bool(found.converged[best]) or bool(active),
+        agreeing=int(np.sum(cost <= cost[best] * (1.0 + _SAME_COST) + _SAME_COST)),
+        runs=cost.size,
+        model=problem.model(jnp.asarray(theta)),
+        measured=tuple(curves),
+        predicted=predicted_curves(problem, theta, curves),
+        problem=problem,
+    )
+
+
+def predicted_curves(
+    problem: AbstractProblem, theta: np.ndarray, curves: Sequence[ModalCurves]
+) -> tuple[ModalCurves, ...]:
+    """What the model says at the amplitudes of the measured curves."""
+    f, zeta = problem.predict(jnp.asarray(theta))
+    return tuple(
+        ModalCurves(
+            each.amplitude,
+            f[part],
+            zeta[part],
+            quantity=each.quantity,
+            unit=each.unit,
+            name=each.name,
+        )
+        for each, part in zip(curves, problem.measured.slices, strict=True)
+    )
+
+
+def _draws(p: Parameter, random: np.random.Generator, count: int) -> np.ndarray:
+    """The parameter's value, then draws from its prior that respect its bounds."""
+    if p.fixed:
+        return np.full(count, p.value)
+    draws = p.prior.draw(random, count)
+    draws = np.where((draws >= p.lower) & (draws <= p.upper), draws, p.value)
+    draws[0] = p.value
+    return draws

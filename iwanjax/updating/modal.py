@@ -1,0 +1,277 @@
+"""Fitting one oscillator of unit modal mass with a joint to the curves of its mode."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.curves import ModalCurves
+from iwanjax.errors import InputError
+from iwanjax.joints import AbstractJoint, Iwan4, ParameterInfo
+from iwanjax.joints.iwan import phi_max_of
+from iwanjax.quasistatic.modal import ModalOscillator
+from iwanjax.structures.small import solve_spd
+from iwanjax.updating.parameters import Chart, Parameter, Transform
+from iwanjax.updating.priors import AbstractPrior, LogNormal, Normal, Uniform
+from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, unit_of
+
+# Deviation of the logarithm of a joint's strength and stiffness before the data: a factor
+# of four and a half either way.
+_WIDE = 1.5
+# Where starts put phi_max: logarithms of ratios to the largest amplitude.
+_RANGE_BELOW, _RANGE_ABOVE = 3.0, 2.0
+
+
+class ModalProblem(AbstractProblem):
+    """A :class:`~iwanjax.ModalOscillator` held against measured curves of its mode.
+
+    Parameters are f_0, zeta_0 and the joint's own.
+    """
+
+    measured: Measured
+    chart: Chart
+    kind: type[AbstractJoint] = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+    reference: Reference = eqx.field(static=True)
+
+    def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
+        """What a ring-down shows at the measured amplitudes.
+
+        NaN where the joint would be stiffer than the mode: no search or walk goes there.
+        """
+        model = self.model(theta)
+        f, zeta = model.ringdown_frequency_and_damping(self.measured.q)
+        return jnp.where(model.K_inf > 0, f, jnp.nan), zeta
+
+    def model(self, theta: Float[Array, " parameters"]) -> ModalOscillator:
+        """The oscillator with these parameters."""
+        joint = dict(zip(self.names[2:], theta[2:], strict=True))
+        return ModalOscillator(theta[0], theta[1], self.kind(**joint))
+
+    def improved(self, theta: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        r"""The same start with f_0, zeta_0 and the joint's overall strength s from the data.
+
+        With all forces of the joint times s the curves are linear in
+        :math:`\omega_0^2, s, \zeta_0` (with the measured frequency in small terms):
+
+        .. math:: \omega^2 = \omega_0^2 - s\,[K_T - k_1(q)], \qquad
+                  \zeta = s\,\frac{D(q)}{2\pi\omega^2q^2} + \zeta_0
+
+        so that a search has only the shape of the joint's law left to find.
+        """
+        infos = {info.name: info for info in self.kind.parameters}
+        forces = np.array(
+            [name in infos and "force" in infos[name].dimension for name in self.names]
+        )
+        moved = forces | (np.arange(forces.size) < 2)
+        if not set(np.flatnonzero(moved)) <= set(self.chart.free):
+            return theta
+        measured = self.measured
+        joint = self.model(theta).joint
+        omega = 2.0 * math.pi * measured.frequency
+        yielded = joint.initial_stiffness - joint.harmonic_stiffness(measured.q)
+        loss = joint.dissipation(measured.q, omega=omega)
+        zero = jnp.zeros_like(omega)
+        weight_f = 1.0 / (2.0 * omega * 2.0 * math.pi * measured.frequency_std)
+        weight_z = 1.0 / measured.damping_std
+        # Columns of one size, or the normal equations would be singular in floating point.
+        scale = jnp.mean(omega**2)
+        lost = loss / (2.0 * math.pi * omega**2 * measured.q**2)
+        columns = [
+            jnp.concatenate([weight_f * scale, zero]),
+            jnp.concatenate([-weight_f * yielded, weight_z * lost]),
+            jnp.concatenate([zero, weight_z]),
+        ]
+        sizes = jnp.stack([jnp.linalg.norm(column) for column in columns])
+        A = jnp.stack(columns) / sizes[:, None]
+        b = jnp.concatenate([weight_f * omega**2, weight_z * measured.damping])
+        x = jnp.stack(solve_spd(list(A @ A.T), list(A @ b))) / sizes
+        strength = jnp.clip(x[1], 1e-3, 1e3)
+        f_0 = jnp.sqrt(jnp.maximum(x[0] * scale, 0.25 * scale)) / (2.0 * math.pi)
+        better = jnp.where(forces, theta * strength, theta).at[0].set(f_0).at[1].set(x[2])
+        return jnp.clip(better, self.chart.lower, self.chart.upper)
+
+    def derived(self, theta: Float[Array, " parameters"]) -> Mapping[str, Array]:
+        """Stiffness beside the joint and, of an Iwan joint, its slider distribution."""
+        model = self.model(theta)
+        found = {"K_inf": model.K_inf}
+        if isinstance(model.joint, Iwan4):
+            found |= {"phi_max": model.joint.phi_max, "R": model.joint.R, "S": model.joint.S}
+        return found
+
+
+class ModalIwanProblem(ModalProblem):
+    r"""The same with a four-parameter Iwan joint, in variables that suit microslip data.
+
+    In microslip the curves know F_S, K_T, chi and beta only through chi and the drop of
+    stiffness at some amplitude q_r,
+
+    .. math:: c = \frac{K_T}{(1+\beta)(\chi+2)}\left(\frac{q_r}{\phi_{max}}\right)^{\chi+1},
+
+    so that the parameters themselves lie on thin curved ridges. Here c and phi_max take the
+    places of K_T and F_S.
+    """
+
+    q_ref: Array
+
+    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
+        """Parameters of (f_0, zeta_0, phi_max, c, chi, beta), each in its own transform."""
+        f_0, zeta_0, phi_max, drop, chi, beta = self.chart.to_values(z)
+        n = chi + 2.0
+        K_T = drop * n * (1.0 + beta) * (phi_max / self.q_ref) ** (n - 1.0)
+        F_S = K_T * phi_max * (beta + (n - 1.0) / n) / (1.0 + beta)
+        return jnp.stack([f_0, zeta_0, F_S, K_T, chi, beta])
+
+    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
+        """The inverse of :meth:`to_values`."""
+        f_0, zeta_0, F_S, K_T, chi, beta = theta
+        n = chi + 2.0
+        phi_max = phi_max_of(F_S, K_T, chi, beta)
+        drop = K_T / (n * (1.0 + beta)) * (self.q_ref / phi_max) ** (n - 1.0)
+        return self.chart.to_variables(jnp.stack([f_0, zeta_0, phi_max, drop, chi, beta]))
+
+    def spread(self, draws: np.ndarray) -> np.ndarray:
+        """All but the first start with phi_max evenly over the measured range and beyond.
+
+        The curves have a kink at phi_max: each gap between measured amplitudes that it may
+        lie in is a valley of its own, narrow beside that of microslip everywhere.
+        """
+        K_T, chi, beta = draws.T[3:]
+        q = np.log(np.asarray(self.measured.q))
+        low, high = max(q.min(), q.max() - _RANGE_BELOW), q.max() + _RANGE_ABOVE
+        phi_max = np.exp(np.linspace(low, high, len(draws) + 1)[1:])
+        remaining = (beta + (chi + 1.0) / (chi + 2.0)) / (1.0 + beta)
+        spread = draws.copy()
+        spread[1:, 2] = (K_T * phi_max * remaining)[1:]
+        order = np.argsort(spread[:, 2] / (spread[:, 3] * remaining))
+        return spread[order]
+
+
+def modal_problem(
+    kind: type[AbstractJoint],
+    curves: Sequence[ModalCurves],
+    parameters: Sequence[Parameter],
+    reference: Reference,
+) -> ModalProblem:
+    """The problem that suits a joint and the bounds of its parameters.
+
+    Raises
+    ------
+    InputError
+        For curves that cannot be fitted, or more parameters than data.
+    """
+    measured = Measured.of(curves)
+    check_free(parameters, measured)
+    chart = Chart(parameters)
+    strength = [p for p in parameters if p.name in ("F_S", "K_T")]
+    unbounded = all(p.lower == 0.0 and p.upper == math.inf for p in strength)
+    common = {
+        "measured": measured,
+        "chart": chart,
+        "kind": kind,
+        "names": tuple(p.name for p in parameters),
+        "reference": reference,
+    }
+    if kind is Iwan4 and unbounded and len(chart.free) == len(parameters):
+        # Another variable than the parameter stands behind these two, but always positive.
+        return ModalIwanProblem(**common, q_ref=jnp.exp(jnp.mean(jnp.log(measured.q))))
+    return ModalProblem(**common)
+
+
+def modal_parameters(
+    kind: type[AbstractJoint], curves: ModalCurves | Sequence[ModalCurves]
+) -> dict[str, Parameter]:
+    r"""Parameters of a modal oscillator, with values and priors on the scale of the curves.
+
+    Stiffness is measured by the drop of :math:`\omega^2` over the curves, force by that
+    times the largest amplitude. chi stays within Segalman's (-1, 0) unless told otherwise:
+    the formulas hold beyond, where the distribution of sliders grows with their strength.
+
+    Parameters
+    ----------
+    kind : type
+        The joint's class, for instance :class:`~iwanjax.Iwan4`.
+    curves : ModalCurves or sequence of them
+        Measured curves of one mode.
+
+    Returns
+    -------
+    dict of str to Parameter
+        Keyed f_0, zeta_0 and the names of the joint's own; change them by
+        ``dataclasses.replace`` and hand them to :func:`~iwanjax.fit`.
+
+    Raises
+    ------
+    InputError
+        For curves that cannot be fitted.
+    """
+    several = [curves] if isinstance(curves, ModalCurves) else list(curves)
+    measured = Measured.of(several)
+    q, f, zeta = (np.asarray(x) for x in (measured.q, measured.frequency, measured.damping))
+    f_low = float(f[np.argmin(q)])
+    fall = max(float(f_low - f.min()), 3.0 * float(np.median(measured.frequency_std)))
+    most = float(max(zeta.max(), np.median(measured.damping_std)))
+    stiffness = (2.0 * math.pi) ** 2 * 2.0 * f_low * fall
+    scales = {
+        "1": 1.0,
+        "length": float(q.max()),
+        "force": stiffness * float(q.max()),
+        "force/length": stiffness,
+        "force/length^3": stiffness / float(q.max()) ** 2,
+        "force*time/length": 2.0 * most * 2.0 * math.pi * f_low,
+    }
+    found = [
+        Parameter(
+            "f_0",
+            f_low,
+            Normal(f_low, 3.0 * fall),
+            unit="Hz",
+            meaning="natural frequency at vanishing amplitude",
+            lower=0.0,
+        ),
+        Parameter(
+            "zeta_0",
+            0.5 * float(max(zeta.min(), 0.1 * most)),
+            Uniform(0.0, 1.5 * most),
+            meaning="damping ratio beside the joint",
+            lower=0.0,
+            upper=1.5 * most,
+            transform="logit",
+        ),
+    ]
+    for info in kind.parameters:
+        if info.dimension not in scales:
+            raise InputError(
+                f"{kind.__name__}.{info.name} is in {info.dimension}, for which there is no "
+                f"scale in the curves; known: {', '.join(scales)}"
+            )
+        found.append(joint_parameter(info, scales[info.dimension]))
+    return {p.name: p for p in found}
+
+
+def joint_parameter(info: ParameterInfo, scale: float, name: str = "") -> Parameter:
+    """A joint's parameter in a fit, with a prior on the given scale."""
+    low, high = info.usual or (info.lower, info.upper)
+    prior: AbstractPrior
+    transform: Transform
+    if math.isfinite(low) and math.isfinite(high):
+        value, transform, prior = 0.5 * (low + high), "logit", Uniform(low, high)
+    elif low < 0.0:
+        value, transform, prior = 0.0, "identity", Normal(0.0, scale)
+    else:
+        # Strength and stiffness are several times what has been seen to yield so far.
+        value = scale if info.dimension == "1" else 4.0 * scale
+        transform, prior = "log", LogNormal(value, _WIDE)
+    return Parameter(
+        name or info.name,
+        value,
+        prior,
+        unit=unit_of(info.dimension),
+        meaning=info.meaning,
+        lower=low,
+        upper=high,
+        transform=transform,
+    )

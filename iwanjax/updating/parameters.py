@@ -1,0 +1,146 @@
+"""Parameters that a fit moves: value, unit, bounds, transform, prior."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from iwanjax.errors import InputError
+from iwanjax.types import real
+from iwanjax.updating.priors import AbstractPrior
+
+Transform = Literal["log", "logit", "identity"]
+
+# How near to a bound a variable may start, as share of the range.
+_INSIDE = 1e-6
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One quantity to be found.
+
+    Parameters
+    ----------
+    name : str
+        For instance ``"J1.F_S"``; results are keyed by it.
+    value : float
+        Where the search starts, and the estimate in a solution.
+    unit : str
+        Label for reports, never converted.
+    meaning : str
+        A few words for reports.
+    lower, upper : float
+        Bounds; the estimate may lie on them.
+    transform : {"log", "logit", "identity"}
+        The variable that is moved: the logarithm for what is positive, the logit between
+        two finite bounds, or the parameter itself.
+    prior : AbstractPrior
+        What a posterior starts from, and what starting values are drawn from.
+    fixed : bool
+        Whether it stays at ``value``.
+
+    Raises
+    ------
+    InputError
+        For bounds that cross, a transform that does not suit them, a value outside them.
+    """
+
+    name: str
+    value: float
+    prior: AbstractPrior = field(repr=False)
+    unit: str = ""
+    meaning: str = ""
+    lower: float = -math.inf
+    upper: float = math.inf
+    transform: Transform = "identity"
+    fixed: bool = False
+
+    def __post_init__(self) -> None:
+        """Hold the bounds, the transform and the value against each other."""
+        if not self.lower < self.upper:
+            raise InputError(
+                f"parameter {self.name}: bounds [{self.lower:g}, {self.upper:g}] cross; expected "
+                "lower < upper"
+            )
+        if self.transform == "log" and self.lower < 0:
+            raise InputError(f"parameter {self.name}: a log transform needs lower >= 0")
+        if self.transform == "logit" and not math.isfinite(self.upper - self.lower):
+            raise InputError(f"parameter {self.name}: a logit transform needs two finite bounds")
+        if not self.lower <= self.value <= self.upper:
+            raise InputError(
+                f"parameter {self.name}: value {self.value:g} lies outside its bounds "
+                f"[{self.lower:g}, {self.upper:g}]"
+            )
+
+
+class Chart(eqx.Module):
+    """The unbounded variables z behind the free ones of a row of parameters theta.
+
+    Attributes
+    ----------
+    transforms : tuple of str
+        For each parameter, fixed ones included.
+    free : tuple of int
+        Positions of the parameters that move.
+    lower, upper, value : (parameters,) array
+        Bounds and starting values.
+    """
+
+    transforms: tuple[Transform, ...] = eqx.field(static=True)
+    free: tuple[int, ...] = eqx.field(static=True)
+    lower: Float[Array, " parameters"]
+    upper: Float[Array, " parameters"]
+    value: Float[Array, " parameters"]
+
+    def __init__(self, parameters: Sequence[Parameter]):
+        self.transforms = tuple(p.transform for p in parameters)
+        self.free = tuple(i for i, p in enumerate(parameters) if not p.fixed)
+        self.lower = real([p.lower for p in parameters])
+        self.upper = real([p.upper for p in parameters])
+        self.value = real([p.value for p in parameters])
+
+    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
+        """Parameter values of the free variables."""
+        values = list(self.value)
+        for i, each in zip(self.free, z, strict=True):
+            values[i] = each
+            if self.transforms[i] == "log":
+                values[i] = jnp.exp(each)
+            elif self.transforms[i] == "logit":
+                values[i] = self.lower[i] + (self.upper[i] - self.lower[i]) * jax.nn.sigmoid(each)
+        return jnp.stack(values)
+
+    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
+        """Free variables of parameter values, those on a bound pulled a hair inside."""
+        z = []
+        for i in self.free:
+            z.append(theta[i])
+            if self.transforms[i] == "log":
+                z[-1] = jnp.log(jnp.maximum(theta[i], jnp.finfo(theta.dtype).tiny))
+            elif self.transforms[i] == "logit":
+                share = (theta[i] - self.lower[i]) / (self.upper[i] - self.lower[i])
+                share = jnp.clip(share, _INSIDE, 1.0 - _INSIDE)
+                z[-1] = jnp.log(share / (1.0 - share))
+        return jnp.stack(z)
+
+
+def replaced(
+    parameters: Sequence[Parameter], others: dict[str, Parameter]
+) -> tuple[Parameter, ...]:
+    """The parameters with some of them exchanged by name.
+
+    Raises
+    ------
+    InputError
+        For a name that is not among them.
+    """
+    names = [p.name for p in parameters]
+    for name in others:
+        if name not in names:
+            raise InputError(f"no parameter is called {name!r}; there are {', '.join(names)}")
+    return tuple(others.get(p.name, p) for p in parameters)

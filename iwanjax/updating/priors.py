@@ -1,0 +1,157 @@
+"""What is believed of a parameter before the data."""
+
+import abc
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.errors import InputError
+from iwanjax.types import is_traced, real
+
+_LOG_ROOT_TAU = 0.5 * math.log(2.0 * math.pi)
+
+
+class AbstractPrior(eqx.Module):
+    """A proper distribution of one parameter."""
+
+    @abc.abstractmethod
+    def log_density(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Logarithm of the density at values; minus infinity outside the support."""
+
+    @abc.abstractmethod
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Values drawn from the distribution, (count,)."""
+
+
+class Uniform(AbstractPrior):
+    """Equal density between two ends.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends, in the parameter's unit.
+    """
+
+    low: Array = eqx.field(converter=real)
+    high: Array = eqx.field(converter=real)
+
+    def __check_init__(self) -> None:
+        """Hold the ends against each other."""
+        _check_order("Uniform", self.low, self.high)
+
+    def log_density(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Constant inside."""
+        inside = (value >= self.low) & (value <= self.high)
+        return jnp.where(inside, -jnp.log(self.high - self.low), -jnp.inf)
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Values between the ends."""
+        return random.uniform(self.low, self.high, count)
+
+
+class LogUniform(AbstractPrior):
+    """Equal density of the logarithm between two positive ends.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends, in the parameter's unit.
+    """
+
+    low: Array = eqx.field(converter=real)
+    high: Array = eqx.field(converter=real)
+
+    def __check_init__(self) -> None:
+        """Hold the ends against each other and zero."""
+        _check_order("LogUniform", self.low, self.high)
+        _check_positive("LogUniform", "low", self.low)
+
+    def log_density(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """One over the value inside."""
+        inside = (value >= self.low) & (value <= self.high)
+        safe = jnp.where(inside, value, 1.0)
+        return jnp.where(inside, -jnp.log(safe) - jnp.log(jnp.log(self.high / self.low)), -jnp.inf)
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Values between the ends."""
+        return np.exp(random.uniform(np.log(self.low), np.log(self.high), count))
+
+
+class Normal(AbstractPrior):
+    """Gauss's distribution.
+
+    Parameters
+    ----------
+    mean, std : float
+        In the parameter's unit.
+    """
+
+    mean: Array = eqx.field(converter=real)
+    std: Array = eqx.field(converter=real)
+
+    def __check_init__(self) -> None:
+        """Hold the deviation against zero."""
+        _check_positive("Normal", "std", self.std)
+
+    def log_density(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Quadratic in the value."""
+        z = (value - self.mean) / self.std
+        return -0.5 * z**2 - jnp.log(self.std) - _LOG_ROOT_TAU
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Values about the mean."""
+        return random.normal(self.mean, self.std, count)
+
+
+class LogNormal(AbstractPrior):
+    """Gauss's distribution of the logarithm.
+
+    Parameters
+    ----------
+    median : float
+        In the parameter's unit.
+    sigma : float
+        Deviation of the natural logarithm, 1.
+    """
+
+    median: Array = eqx.field(converter=real)
+    sigma: Array = eqx.field(converter=real)
+
+    def __check_init__(self) -> None:
+        """Hold both against zero."""
+        _check_positive("LogNormal", "median", self.median)
+        _check_positive("LogNormal", "sigma", self.sigma)
+
+    def log_density(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Quadratic in the logarithm, over the value."""
+        positive = value > 0
+        log = jnp.log(jnp.where(positive, value, 1.0))
+        z = (log - jnp.log(self.median)) / self.sigma
+        density = -0.5 * z**2 - log - jnp.log(self.sigma) - _LOG_ROOT_TAU
+        return jnp.where(positive, density, -jnp.inf)
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Values about the median."""
+        return float(self.median) * np.exp(random.normal(0.0, self.sigma, count))
+
+
+PRIORS: dict[str, type[AbstractPrior]] = {
+    "uniform": Uniform,
+    "log_uniform": LogUniform,
+    "normal": Normal,
+    "log_normal": LogNormal,
+}
+"""Names that study files use."""
+
+
+def _check_order(name: str, low: Array, high: Array) -> None:
+    if not is_traced(low, high) and not -np.inf < float(low) < float(high) < np.inf:
+        raise InputError(f"{name}(low={low:g}, high={high:g}): expected low < high, both finite")
+
+
+def _check_positive(name: str, what: str, value: Array) -> None:
+    if not is_traced(value) and not 0.0 < float(value) < np.inf:
+        raise InputError(f"{name}: {what} = {value:g}; expected a positive number")

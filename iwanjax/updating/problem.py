@@ -1,0 +1,190 @@
+"""What a fit compares: measured curves, a model's prediction of them, the residuals."""
+
+import abc
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.curves import ModalCurves
+from iwanjax.errors import InputError
+from iwanjax.types import real
+from iwanjax.updating.parameters import Chart, Parameter
+
+Reference = Literal["absolute", "shift"]
+"""Whether frequencies are compared as they are, or up to one offset for each curve."""
+
+_FEWEST_LEVELS = 3
+
+
+class Measured(eqx.Module):
+    """Measured levels of all curves, one after the other.
+
+    Attributes
+    ----------
+    q : (N,) array
+        Displacement amplitude of the model's coordinate.
+    frequency, damping, frequency_std, damping_std : (N,) array
+        Hz and 1.
+    edges : tuple of int
+        Where each curve begins, and N.
+    """
+
+    q: Float[Array, " N"]
+    frequency: Float[Array, " N"]
+    damping: Float[Array, " N"]
+    frequency_std: Float[Array, " N"]
+    damping_std: Float[Array, " N"]
+    edges: tuple[int, ...] = eqx.field(static=True)
+
+    @classmethod
+    def of(
+        cls, curves: Sequence[ModalCurves], factors: Sequence[float] | None = None
+    ) -> "Measured":
+        """The levels of curves; ``factors`` turn each one's displacement into q.
+
+        Raises
+        ------
+        InputError
+            For curves without deviations, of too few levels, or not all finite and positive.
+        """
+        factors = [1.0] * len(curves) if factors is None else factors
+        columns = [
+            _columns(i, each, factor)
+            for i, (each, factor) in enumerate(zip(curves, factors, strict=True))
+        ]
+        edges = np.concatenate([[0], np.cumsum([column.shape[1] for column in columns])])
+        q, f, zeta, f_std, zeta_std = (real(row) for row in np.hstack(columns))
+        return cls(q, f, zeta, f_std, zeta_std, tuple(int(e) for e in edges))
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """The levels of each curve."""
+        return tuple(slice(a, b) for a, b in zip(self.edges[:-1], self.edges[1:], strict=True))
+
+
+def _columns(i: int, curves: ModalCurves, factor: float) -> np.ndarray:
+    if not isinstance(curves, ModalCurves):
+        raise InputError(f"curve {i}: expected ModalCurves, got {type(curves).__name__}")
+    label = f"curve {i}" + (f" ({curves.name})" if curves.name else "")
+    if curves.frequency_std is None or curves.damping_std is None:
+        raise InputError(
+            f"{label} has no standard deviations, which weigh frequency against damping; give "
+            "frequency_std and damping_std"
+        )
+    if curves.amplitude.ndim != 1 or curves.amplitude.size < _FEWEST_LEVELS:
+        raise InputError(
+            f"{label} has shape {curves.amplitude.shape}; expected (levels,) with at least "
+            f"{_FEWEST_LEVELS}"
+        )
+    displacement = curves.as_quantity("displacement").amplitude * factor
+    rows = np.stack(
+        [
+            np.asarray(row)
+            for row in (
+                displacement,
+                curves.frequency,
+                curves.damping,
+                curves.frequency_std,
+                curves.damping_std,
+            )
+        ]
+    )
+    for name, row in zip(
+        ("amplitude", "frequency", "", "frequency_std", "damping_std"), rows, strict=True
+    ):
+        if not np.all(np.isfinite(row)):
+            raise InputError(f"{label} holds NaN; take those levels out")
+        if name and not np.all(row > 0):
+            raise InputError(f"{label}: {name} holds {row.min():g}; expected positive numbers")
+    return rows
+
+
+class AbstractProblem(eqx.Module):
+    """A model with free parameters, and the curves it is held against.
+
+    ``chart`` moves the parameters one by one; a problem may know variables that suit the
+    data better, in which it is searched and sampled.
+    """
+
+    measured: eqx.AbstractVar[Measured]
+    chart: eqx.AbstractVar[Chart]
+    names: eqx.AbstractVar[tuple[str, ...]]
+    reference: eqx.AbstractVar[Reference]
+
+    @abc.abstractmethod
+    def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
+        """Frequency (Hz) and damping at the measured amplitudes, (N,) each."""
+
+    @abc.abstractmethod
+    def model(self, theta: Float[Array, " parameters"]) -> eqx.Module:
+        """The model with these parameters."""
+
+    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
+        """Parameter values of the variables that are searched."""
+        return self.chart.to_values(z)
+
+    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
+        """The variables that are searched, of parameter values."""
+        return self.chart.to_variables(theta)
+
+    def improved(self, theta: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """A better start than this one, where the problem knows a cheap one."""
+        return theta
+
+    def spread(self, draws: np.ndarray) -> np.ndarray:
+        """Starts (starts, parameters) moved so that neighbouring valleys all get some, in order."""
+        return draws
+
+    def derived(self, theta: Float[Array, " parameters"]) -> Mapping[str, Array]:
+        """What follows from the parameters and is worth reporting with its deviation."""
+        return {}
+
+    def differences(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
+        """Predicted less measured frequency and damping, over their deviations, (N,) each."""
+        f, zeta = self.predict(theta)
+        measured = self.measured
+        difference = f - measured.frequency
+        if self.reference == "shift":
+            weight = 1.0 / measured.frequency_std**2
+            # The offset that fits each curve best is its own: linear, so eliminated.
+            offsets = [
+                jnp.broadcast_to(
+                    jnp.sum(weight[part] * difference[part]) / jnp.sum(weight[part]),
+                    difference[part].shape,
+                )
+                for part in measured.slices
+            ]
+            difference = difference - jnp.concatenate(offsets)
+        return (
+            difference / measured.frequency_std,
+            (zeta - measured.damping) / measured.damping_std,
+        )
+
+    def residuals(self, theta: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
+        """All differences in one row, (2 N,)."""
+        return jnp.concatenate(self.differences(theta))
+
+
+def unit_of(dimension: str) -> str:
+    """Label of a parameter in the units of the curves, which are not known further."""
+    return "" if dimension == "1" else dimension
+
+
+def check_free(parameters: Sequence[Parameter], measured: Measured) -> None:
+    """Refuse more free parameters than data.
+
+    Raises
+    ------
+    InputError
+    """
+    free = sum(not p.fixed for p in parameters)
+    if free == 0:
+        raise InputError("all parameters are fixed; free at least one")
+    if free > 2 * measured.q.size:
+        raise InputError(
+            f"{free} free parameters for {2 * measured.q.size} measured values; fix some"
+        )

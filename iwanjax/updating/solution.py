@@ -1,0 +1,249 @@
+"""What a fit has found, how sure it is, and what it could not find."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.curves import ModalCurves
+from iwanjax.updating.parameters import Parameter
+from iwanjax.updating.problem import AbstractProblem
+
+# A parameter or combination counts as determined when the data leave less than this share
+# of what the prior leaves open.
+_DETERMINED = 1.0 / 3.0
+_PRIOR_DRAWS = 4000
+# Components below this are left out when a direction is put into words.
+_SMALL_COMPONENT = 0.25
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A combination of parameters that the curves do not determine.
+
+    Attributes
+    ----------
+    components : dict of str to float
+        Of the unit vector, in units of each parameter's prior deviation in its transform.
+    narrowing : float
+        Deviation along it after the data over before, 1.
+    """
+
+    components: dict[str, float]
+    narrowing: float
+
+    def __str__(self) -> str:
+        """The larger components, for instance ``+0.7 F_S -0.7 beta``."""
+        ordered = sorted(self.components.items(), key=lambda pair: -abs(pair[1]))
+        largest = [f"{v:+.2f} {k}" for k, v in ordered if abs(v) >= _SMALL_COMPONENT]
+        return " ".join(largest)
+
+
+@dataclass(frozen=True, eq=False)
+class FitSolution:
+    r"""Result of :func:`iwanjax.fit`.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        With the estimates as values.
+    covariance : (parameters, parameters) array
+        Of the estimates, linearised, times ``misfit``\ ^2 where that is above 1; combinations
+        that the data leave open are closed by the priors. Zero for fixed parameters and
+        those on a bound.
+    derived : dict of str to (float, float)
+        What follows from the parameters, with deviations.
+    undetermined : tuple of Direction
+        Combinations that the data narrow to no less than a third of the prior.
+    determined : dict of str to bool
+        For each free parameter, whether the data narrow it to less than a third.
+    active_bounds : dict of str to float
+        Parameters that the data would move beyond a bound, and the bound.
+    misfit : float
+        Root of chi^2 per degree of freedom: 1 where the model explains the curves to
+        their stated deviations.
+    misfit_frequency, misfit_damping : float
+        The same over each kind of data, per value.
+    converged : bool
+        Whether the best run ended by its tolerance.
+    agreeing : int
+        Runs that ended at the same cost as the best, within a thousandth (at least 1e-3).
+    runs : int
+        Runs in all, from the best of the starts.
+    model : ModalOscillator or JointedStructure
+        With the estimates.
+    measured, predicted : tuple of ModalCurves
+        What was fitted, and the model at the same amplitudes.
+    problem : AbstractProblem
+        For a posterior.
+    """
+
+    parameters: tuple[Parameter, ...]
+    covariance: np.ndarray = field(repr=False)
+    derived: dict[str, tuple[float, float]]
+    undetermined: tuple[Direction, ...]
+    determined: dict[str, bool]
+    active_bounds: dict[str, float]
+    misfit: float
+    misfit_frequency: float
+    misfit_damping: float
+    converged: bool
+    agreeing: int
+    runs: int
+    model: eqx.Module = field(repr=False)
+    measured: tuple[ModalCurves, ...] = field(repr=False)
+    predicted: tuple[ModalCurves, ...] = field(repr=False)
+    problem: AbstractProblem = field(repr=False)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name."""
+        return {p.name: p.value for p in self.parameters}
+
+    @property
+    def std(self) -> dict[str, float]:
+        """Standard deviations by name; zero for fixed ones and those on a bound."""
+        deviations = np.sqrt(np.diag(self.covariance))
+        return {p.name: float(s) for p, s in zip(self.parameters, deviations, strict=True)}
+
+    def summary(self) -> str:
+        """The result in words and numbers, for people."""
+        lines = [self._headline(), ""]
+        width = max(len(name) for name in (*self.values, *self.derived))
+        for p in self.parameters:
+            lines.append(f"  {p.name:<{width}}  {self._told(p):<34}  {p.meaning}".rstrip())
+        for name, (value, std) in self.derived.items():
+            lines.append(f"  {name:<{width}}  {_with_std(value, std):<34}  follows from the above")
+        for name, bound in self.active_bounds.items():
+            lines += [
+                "",
+                f"  BOUND: {name} rests on its bound {bound:g}; the curves ask for a value beyond "
+                "it, and the other parameters pay for it.",
+            ]
+        if self.undetermined:
+            lines += ["", "  These curves do not determine:"]
+            lines += [
+                f"    {direction} (known to {100 * direction.narrowing:.0f} % of what the prior "
+                "leaves open)"
+                for direction in self.undetermined
+            ]
+        return "\n".join(lines)
+
+    def _headline(self) -> str:
+        state = "" if self.converged else " NOT CONVERGED: raise starts or look at the curves."
+        if self.misfit > 2.0:
+            verdict = (
+                f"residuals are {self.misfit:.1f} times the stated deviations (frequency "
+                f"{self.misfit_frequency:.1f}, damping {self.misfit_damping:.1f}): the model does "
+                "not explain the curves to their noise"
+            )
+        else:
+            verdict = (
+                f"residuals are {self.misfit:.2f} times the stated deviations (frequency "
+                f"{self.misfit_frequency:.2f}, damping {self.misfit_damping:.2f})"
+            )
+        kind = type(self.model).__name__
+        joint = getattr(self.model, "joint", None)
+        kind += f" with {type(joint).__name__}" if joint is not None else ""
+        return f"{kind}: {verdict}; {self.agreeing} of {self.runs} runs agree.{state}"
+
+    def _told(self, p: Parameter) -> str:
+        unit = f" {p.unit}" if p.unit else ""
+        if p.fixed:
+            return f"{p.value:.6g}{unit} (fixed)"
+        if p.name in self.active_bounds:
+            return f"{p.value:.6g}{unit} (on its bound)"
+        told = _with_std(p.value, self.std[p.name])
+        return told + unit if self.determined[p.name] else f"{p.value:.3g}{unit} (undetermined)"
+
+
+def _with_std(value: float, std: float) -> str:
+    """A value to the digits its deviation leaves."""
+    if not np.isfinite(std) or std <= 0 or not np.isfinite(value):
+        return f"{value:.6g}"
+    if std >= abs(value):
+        return f"{value:.2g} ± {std:.2g}"
+    digits = int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(std)) + 2, 2, 12))
+    return f"{value:.{digits}g} ± {std:.2g}"
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """How well the data determine each parameter at an estimate."""
+
+    covariance: np.ndarray
+    derived: dict[str, tuple[float, float]]
+    undetermined: tuple[Direction, ...]
+    determined: dict[str, bool]
+
+
+@eqx.filter_jit
+def _derivatives(problem: AbstractProblem, theta: jax.Array):
+    """Residuals' and derived quantities' derivatives with respect to the parameters."""
+    return (
+        jax.jacfwd(problem.residuals)(theta),
+        problem.derived(theta),
+        jax.jacfwd(lambda t: dict(problem.derived(t)))(theta),
+    )
+
+
+def certainty(
+    problem: AbstractProblem,
+    parameters: Sequence[Parameter],
+    active: Sequence[str],
+    misfit: float,
+) -> Certainty:
+    """Covariance, undetermined combinations, deviations of derived quantities.
+
+    The residuals are linearised in each parameter's transform (the logarithm of a strength,
+    say) and measured by the deviation its prior has there.
+    """
+    theta = jnp.asarray([p.value for p in parameters])
+    jacobian, derived, derived_slope = _derivatives(problem, theta)
+    moving = [i for i, p in enumerate(parameters) if not p.fixed and p.name not in active]
+    spread = np.array([_prior_deviation(parameters[i]) for i in moving])
+    scaled = np.asarray(jacobian)[:, moving] * spread / max(misfit, 1.0)
+    _, singular, rows = np.linalg.svd(scaled, full_matrices=False)
+    # The prior, taken as normal, closes the directions that the data leave open.
+    inverse = 1.0 / np.hypot(singular, 1.0)
+    names = [parameters[i].name for i in moving]
+    undetermined = tuple(
+        Direction(
+            dict(zip(names, (row * np.sign(row[np.argmax(abs(row))])).tolist(), strict=True)),
+            float(size),
+        )
+        for size, row in zip(inverse, rows, strict=True)
+        if size > _DETERMINED
+    )
+    root = (rows.T * inverse) * spread[:, None]
+    covariance = np.zeros((len(parameters), len(parameters)))
+    covariance[np.ix_(moving, moving)] = root @ root.T
+    deviation = np.sqrt(np.sum((rows.T * inverse) ** 2, axis=1))
+    return Certainty(
+        covariance,
+        {
+            name: (
+                float(value),
+                float(np.sqrt(max(0.0, np.asarray(slope) @ covariance @ np.asarray(slope)))),
+            )
+            for (name, value), slope in zip(
+                derived.items(), (derived_slope[name] for name in derived), strict=True
+            )
+        },
+        undetermined,
+        dict(zip(names, (deviation < _DETERMINED).tolist(), strict=True)),
+    )
+
+
+def _prior_deviation(p: Parameter) -> float:
+    """Deviation that the prior gives a parameter, linearised at its value.
+
+    That of the logarithm times the value for what is moved by its logarithm.
+    """
+    draws = p.prior.draw(np.random.default_rng(0), _PRIOR_DRAWS)
+    if p.transform == "log":
+        return float(np.std(np.log(draws)) * p.value)
+    return float(np.std(draws))

@@ -1,0 +1,264 @@
+"""Fitting the joints of a structure to curves of its modes, through quasi-static modal analysis."""
+
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from iwanjax.curves import ModalCurves
+from iwanjax.errors import InputError
+from iwanjax.joints import AbstractJoint
+from iwanjax.quasistatic import QsmaSolution, qsma
+from iwanjax.structures import JointedStructure
+from iwanjax.structures.checks import finite_array
+from iwanjax.types import ArrayLike
+from iwanjax.updating.interpolate import cubic
+from iwanjax.updating.parameters import Chart, Parameter
+from iwanjax.updating.priors import AbstractPrior, LogNormal, Normal, Uniform
+from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, unit_of
+
+# Loads of the first pass for each mode, and how far they reach beyond the amplitudes.
+_LOADS = 40
+_MARGIN = 1.3
+# Ratio of the amplitudes that fill up a short row.
+_BEYOND = 1.02
+# Deviation of the logarithm of a strength about the value that the model was given.
+_PRIOR_SIGMA = 1.0
+_SMALL = 1e-2
+
+
+class StructuralProblem(AbstractProblem):
+    """The joints of a structure held against measured curves of its modes.
+
+    Attributes
+    ----------
+    structure : JointedStructure
+        With the joints at their starting values.
+    alpha : (curves, loads) array
+        Load levels that reach over each curve's amplitudes.
+    levels : (curves, levels) array
+        Each curve's amplitudes, rising; a shorter row goes on beyond them.
+    curve, level : (N,) array of int
+        Where in ``levels`` each measured level stands.
+    zeta_0 : (curves,) array
+        Damping ratio of each mode beside the joints.
+    owners : tuple of tuple of str
+        For each group its joints; they share the parameters that are next in theta.
+    modes : tuple of int
+        The mode of each curve.
+    """
+
+    measured: Measured
+    chart: Chart
+    structure: JointedStructure
+    alpha: Float[Array, "curves loads"]
+    levels: Float[Array, "curves levels"]
+    curve: Int[Array, " N"]
+    level: Int[Array, " N"]
+    zeta_0: Float[Array, " curves"]
+    names: tuple[str, ...] = eqx.field(static=True)
+    owners: tuple[tuple[str, ...], ...] = eqx.field(static=True)
+    modes: tuple[int, ...] = eqx.field(static=True)
+    reference: Reference = eqx.field(static=True)
+
+    def model(self, theta: Float[Array, " parameters"]) -> JointedStructure:
+        """The structure with these joints."""
+        joints: dict[str, AbstractJoint] = {}
+        first = 0
+        for labels in self.owners:
+            kind = type(self.structure.joints[labels[0]])
+            values = theta[first : first + len(kind.parameters)]
+            first += len(kind.parameters)
+            for label in labels:
+                given = {i.name: v for i, v in zip(kind.parameters, values, strict=True)}
+                joints[label] = kind(**given)
+        return self.structure.with_joints(joints)
+
+    def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
+        """First-harmonic frequency and damping at the measured amplitudes.
+
+        The analysis asks for loads, not amplitudes: a first pass over ``alpha`` tells which
+        load makes each amplitude, to a part in a thousand; a second one at those loads is
+        then off by that part of the curve's small slope.
+        """
+        structure = self.model(theta)
+        first = self._solved(structure, self.alpha)
+        loads = jax.vmap(cubic)(jnp.log(self.levels), jnp.log(first.q), jnp.log(self.alpha))
+        second = self._solved(structure, jnp.exp(loads)).curves
+        return second.frequency[self.curve, self.level], second.damping[self.curve, self.level]
+
+    def _solved(self, structure: JointedStructure, alpha: Array) -> QsmaSolution:
+        return qsma(
+            structure,
+            self.modes,
+            alpha,
+            self.zeta_0,
+            frequency="first_harmonic",
+            deflections=False,
+        )
+
+
+def structural_parameters(
+    structure: JointedStructure, groups: Mapping[str, Sequence[str]] | None = None
+) -> dict[str, Parameter]:
+    """Parameters of a structure's joints, with priors about the values they have.
+
+    Parameters
+    ----------
+    structure : JointedStructure
+        Its joints' values are the starting values and the middles of the priors.
+    groups : mapping of str to sequence of str, optional
+        Joints that share their parameters, under a common name.
+
+    Returns
+    -------
+    dict of str to Parameter
+        Keyed by joint (or group) and parameter, for instance ``"J1.F_S"``.
+
+    Raises
+    ------
+    InputError
+        For groups that name unknown joints, joints twice, or joints of different type.
+    """
+    found = {}
+    for name, labels in _owners(structure, groups).items():
+        joint = structure.joints[labels[0]]
+        for info in joint.parameters:
+            value = float(getattr(joint, info.name))
+            low, high = info.usual or (info.lower, info.upper)
+            low, high = min(low, value), max(high, value)
+            prior: AbstractPrior
+            if np.isfinite(high - low):
+                prior = Uniform(low, high)
+            elif info.transform == "log":
+                # A beta of zero is a value, but no place to start from.
+                value = value or _SMALL
+                prior = LogNormal(value, _PRIOR_SIGMA)
+            else:
+                prior = Normal(value, abs(value) or 1.0)
+            found[f"{name}.{info.name}"] = Parameter(
+                f"{name}.{info.name}",
+                value,
+                prior,
+                unit=unit_of(info.dimension),
+                meaning=info.meaning,
+                lower=low,
+                upper=high,
+                transform=info.transform,
+            )
+    return found
+
+
+def structural_problem(
+    structure: JointedStructure,
+    curves: Sequence[ModalCurves],
+    parameters: Sequence[Parameter],
+    modes: Sequence[int] | None,
+    sensors: Sequence[ArrayLike] | None,
+    groups: Mapping[str, Sequence[str]] | None,
+    reference: Reference,
+) -> StructuralProblem:
+    """The problem of a structure's joints.
+
+    Raises
+    ------
+    InputError
+        For modes or sensors that do not match the curves.
+    """
+    count = structure.basis.omega2.shape[0]
+    which = tuple(range(len(curves))) if modes is None else tuple(int(m) for m in modes)
+    if len(which) != len(curves) or len(set(which)) != len(which):
+        raise InputError(
+            f"fit: got modes {list(which)} for {len(curves)} curve(s); expected one each, all "
+            "different (merge several hits of a mode with merge_curves)"
+        )
+    for mode in which:
+        if not 0 <= mode < count:
+            raise InputError(f"fit: mode {mode} does not exist; expected 0 to {count - 1}")
+    measured = Measured.of(curves, _factors(structure, curves, which, sensors))
+    check_free(parameters, measured)
+    omega2 = np.asarray(structure.basis.omega2)[list(which)]
+    q = [np.asarray(measured.q[part]) for part in measured.slices]
+    pairs = [np.unique(x, return_inverse=True) for x in q]
+    most = max(rising.size for rising, _ in pairs)
+    levels = np.stack(
+        [np.concatenate([x, x[-1] * _BEYOND ** np.arange(1, most - x.size + 1)]) for x, _ in pairs]
+    )
+    alpha = np.stack(
+        [
+            np.geomspace(w * x[0] / _MARGIN, w * x[-1] * _MARGIN, _LOADS)
+            for w, x in zip(omega2, levels, strict=True)
+        ]
+    )
+    phi = np.asarray(structure.basis.Phi)[:, list(which)]
+    C = np.asarray(structure.structure.C)
+    return StructuralProblem(
+        measured=measured,
+        chart=Chart(parameters),
+        structure=structure,
+        alpha=jnp.asarray(alpha),
+        levels=jnp.asarray(levels),
+        curve=jnp.asarray(np.repeat(np.arange(len(q)), [x.size for x in q])),
+        level=jnp.asarray(np.concatenate([inverse for _, inverse in pairs])),
+        zeta_0=jnp.asarray(np.sum(phi * (C @ phi), axis=0) / (2.0 * np.sqrt(omega2))),
+        names=tuple(p.name for p in parameters),
+        owners=tuple(_owners(structure, groups).values()),
+        modes=which,
+        reference=reference,
+    )
+
+
+def _owners(
+    structure: JointedStructure, groups: Mapping[str, Sequence[str]] | None
+) -> dict[str, tuple[str, ...]]:
+    """Joints by group, those without one on their own."""
+    grouped = {name: tuple(labels) for name, labels in (groups or {}).items()}
+    seen: list[str] = []
+    for name, labels in grouped.items():
+        for label in labels:
+            if label not in structure.labels:
+                raise InputError(
+                    f"groups: {name} names joint {label!r}; there are {', '.join(structure.labels)}"
+                )
+            if label in seen:
+                raise InputError(f"groups: joint {label!r} belongs to two groups")
+            seen.append(label)
+        kinds = {type(structure.joints[label]).__name__ for label in labels}
+        if len(kinds) != 1:
+            raise InputError(f"groups: {name} holds joints of types {sorted(kinds)}")
+    return grouped | {label: (label,) for label in structure.labels if label not in seen}
+
+
+def _factors(
+    structure: JointedStructure,
+    curves: Sequence[ModalCurves],
+    modes: Sequence[int],
+    sensors: Sequence[ArrayLike] | None,
+) -> list[float]:
+    """Modal displacement per displacement at the sensor, for each curve."""
+    if sensors is None:
+        for i, each in enumerate(curves):
+            if each.quantity != "modal displacement":
+                raise InputError(
+                    f"curve {i} is against the {each.quantity} of a sensor; give sensors=, the "
+                    "row of the sensor for each curve"
+                )
+        return [1.0] * len(curves)
+    if len(sensors) != len(curves):
+        raise InputError(f"fit: got {len(sensors)} sensors for {len(curves)} curves")
+    factors = []
+    for i, (row, mode) in enumerate(zip(sensors, modes, strict=True)):
+        checked = finite_array(row, f"sensors[{i}]")
+        Phi = np.asarray(structure.basis.Phi)
+        if checked.shape != (Phi.shape[0],):
+            raise InputError(
+                f"sensors[{i}] has shape {checked.shape}; expected ({Phi.shape[0]},) like M"
+            )
+        seen = abs(float(checked @ Phi[:, mode]))
+        if seen <= 1e-9 * np.max(np.abs(Phi[:, mode])) * np.linalg.norm(checked):
+            raise InputError(f"sensors[{i}] sits on a node of mode {mode}: it does not see it")
+        factors.append(1.0 / seen)
+    return factors
