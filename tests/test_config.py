@@ -215,7 +215,12 @@ def test_the_shared_examples(name):
 BAD = {
     # what: (text to replace, its replacement, line, words of the message)
     "unknown top key": ("qsma:", "qsmaa:", 9, ["qsmaa: unknown key", "'qsma'"]),
-    "later section": ("qsma:", "budget: 3\nqsma:", 9, ["budget: unknown key", "recordings"]),
+    "later section": (
+        "qsma:",
+        "discrepancy: 3\nqsma:",
+        9,
+        ["discrepancy: unknown key", "recordings"],
+    ),
     "unknown model key": ("builder:", "bulder:", 3, ["model.bulder", "'builder'"]),
     "unknown joint key": ("type:", "typ:", 7, ["model.joints[0].typ", "'type'"]),
     "unknown qsma key": ("zeta0:", "zeta:", 12, ["qsma.zeta", "'zeta0'"]),

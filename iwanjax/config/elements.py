@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from iwanjax.config.faults import nearest
 from iwanjax.config.schema import JointSection
 from iwanjax.config.source import Place, Source
+from iwanjax.files import nearest
 from iwanjax.joints import DISTRIBUTION_PARAMETERS, AbstractJoint, ParameterInfo, joint_type
 
 
@@ -29,15 +29,21 @@ def element_of(source: Source, i: int, joint: JointSection) -> AbstractJoint:
             f"expected {expected}{nearest(name, infos)}",
         )
     for name, info in infos.items():
-        what = f"({info.meaning}, {info.dimension})"
         if name not in given:
-            raise source.error(place, f"{name} {what} is missing; expected {expected}")
-        if not info.contains(np.asarray(given[name])):
-            raise source.error(
-                (*place, name), f"got {given[name]:g} {what}; expected in {info.range}"
-            )
+            raise source.error(place, f"{name} {_told(info)} is missing; expected {expected}")
+        check_value(source, (*place, name), info, given[name])
     with source.blamed(*place):
         return make(**given)
+
+
+def check_value(source: Source, place: Place, info: ParameterInfo, value: float) -> None:
+    """Refuse a value for which the element's formulas do not hold."""
+    if not info.contains(np.asarray(value)):
+        raise source.error(place, f"got {value:g} {_told(info)}; expected in {info.range}")
+
+
+def _told(info: ParameterInfo) -> str:
+    return f"({info.meaning}, {info.dimension})"
 
 
 def _ways(

@@ -1,127 +1,17 @@
 """What a study file may hold."""
 
-from collections.abc import Callable, Mapping
-from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
-import numpy as np
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    TypeAdapter,
-    WrapValidator,
-    model_validator,
-)
+from pydantic import Field, model_validator
 
-from iwanjax.config.faults import fault, one_of
+from iwanjax.config.faults import fault
+from iwanjax.config.prior import Prior
+from iwanjax.config.qsma import QsmaSettings
+from iwanjax.config.recordings import RecordingSection
+from iwanjax.config.section import Band, Index, Pair, Positive, Section
+from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
 
-_CONFIG = ConfigDict(frozen=True, allow_inf_nan=False)
-
-
-class Section(BaseModel):
-    """A mapping that rejects unknown keys before anything else is complained of."""
-
-    model_config = _CONFIG
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known_keys(cls, raw: Any) -> Any:
-        keys = [field.alias or name for name, field in cls.model_fields.items()]
-        for key in raw if isinstance(raw, Mapping) else ():
-            if key not in keys:
-                raise fault(f"unknown key; {one_of(key, keys)}", key)
-        return raw
-
-
-class _Range(Section):
-    start: Annotated[float, Field(alias="from", gt=0)]
-    to: float
-    count: Annotated[int, Field(ge=2, le=100_000)]
-
-
-def _row(raw: Any, validate: Callable[[Any], tuple[float, ...]]) -> tuple[float, ...]:
-    """Levels from a list of them or from a range."""
-    if isinstance(raw, Mapping):
-        ends = _Range.model_validate(raw)
-        if ends.to <= ends.start:
-            raise fault(f"got {ends.to:g}; expected more than from = {ends.start:g}", "to")
-        return tuple(np.geomspace(ends.start, ends.to, ends.count).tolist())
-    levels = validate(raw)
-    for i, (low, high) in enumerate(pairwise((0.0, *levels))):
-        if high <= low:
-            raise fault(f"got {high:g}; expected positive levels that rise, here above {low:g}", i)
-    return levels
-
-
-def _rows(raw: Any, validate: Callable[[Any], Any]) -> tuple[tuple[float, ...], ...]:
-    """A row of levels for each mode, or a single one for all."""
-    if isinstance(raw, list) and any(isinstance(entry, Mapping | list) for entry in raw):
-        return validate(raw)
-    return (_ONE_ROW.validate_python(raw),)
-
-
-_Row = Annotated[tuple[float, ...], Field(min_length=1), WrapValidator(_row)]
-_ONE_ROW = TypeAdapter(_Row, config=_CONFIG)
-_OneOrMore = BeforeValidator(lambda raw: [raw] if isinstance(raw, str) else raw)
-
-
-class QsmaSettings(Section):
-    """The ``qsma:`` section: what :func:`iwanjax.qsma` is asked for.
-
-    Attributes
-    ----------
-    modes : tuple of int
-        Indices among the elastic modes, lowest first.
-    alpha : tuple of tuple of float
-        Load levels, from numbers or a geometric range {from, to, count}: one row for all
-        modes or one each; see :attr:`levels`.
-    zeta0 : tuple of float or None
-        Background damping ratio, one for all modes or one each; None takes the structure's C.
-    frequency : {"secant", "first_harmonic"}
-        Which frequency a level has.
-    shape : {"linear", "updated"}
-        In which shape the structure is loaded.
-    """
-
-    modes: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0,)
-    alpha: Annotated[tuple[_Row, ...], WrapValidator(_rows)]
-    zeta0: Annotated[tuple[Annotated[float, Field(ge=0)], ...] | None, _OneOrMore] = None
-    frequency: Literal["secant", "first_harmonic"] = "secant"
-    shape: Literal["linear", "updated"] = "linear"
-
-    @property
-    def levels(self) -> np.ndarray:
-        """Load levels, (modes, levels), force/mass^(1/2)."""
-        return np.broadcast_to(self.alpha, (len(self.modes), len(self.alpha[0])))
-
-    @property
-    def damping(self) -> np.ndarray | None:
-        """Background damping ratio of each mode, (modes,), or None."""
-        return None if self.zeta0 is None else np.broadcast_to(self.zeta0, (len(self.modes),))
-
-    @model_validator(mode="after")
-    def _one_for_each_mode(self) -> Self:
-        count = len(self.modes)
-        if len(set(self.modes)) < count:
-            raise fault("holds a mode twice; expected each once", "modes")
-        for key, what, given in (
-            ("alpha", "sets of levels", self.alpha),
-            ("zeta0", "numbers", self.zeta0),
-        ):
-            if given is not None and len(given) not in (1, count):
-                raise fault(
-                    f"got {len(given)} {what} for {count} mode(s); expected one for all or one "
-                    "each",
-                    key,
-                )
-        lengths = [str(len(row)) for row in self.alpha]
-        if len(set(lengths)) > 1:
-            raise fault(
-                f"got {' and '.join(lengths)} levels; expected as many for every mode", "alpha"
-            )
-        return self
+_SOURCES = ("file", "builder", "modal")
 
 
 class JointSection(Section):
@@ -138,23 +28,42 @@ class JointSection(Section):
         return self.row or self.name
 
 
+class ModalJointSection(Section):
+    """The ``joint:`` of a mode: what is not given is estimated from the data."""
+
+    type: str
+    parameters: dict[str, float] = Field(default_factory=dict)
+
+
+class ModalSection(Section):
+    """An entry of ``modal:``."""
+
+    name: str
+    band: Band
+    joint: ModalJointSection
+
+
 class ModelSection(Section):
-    """The ``model:`` section: a file of matrices or a builder, and joints."""
+    """The ``model:`` section: a file of matrices or a builder, and joints; or single modes."""
 
     file: str | None = None
     builder: str | None = None
+    modal: Annotated[tuple[ModalSection, ...], Field(min_length=1)] | None = None
     options: dict[str, Any] | None = None
     joints: tuple[JointSection, ...] = ()
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
-        if (self.file is None) == (self.builder is None):
-            got = "neither" if self.file is None else "both"
-            raise fault(f"got {got} of file and builder; expected one of them")
-        if self.file is not None and self.options is not None:
-            raise fault("got options for a file; only a builder takes options", "options")
+        given = [name for name in _SOURCES if getattr(self, name) is not None]
+        if len(given) != 1:
+            got = f"both {' and '.join(given)}" if given else "neither"
+            raise fault(f"got {got}; expected one of file, builder and modal")
+        if self.options is not None and self.builder is None:
+            raise fault(f"got options for a {given[0]}; only a builder takes options", "options")
         if self.file is not None and not self.joints:
             raise fault("holds no joints; expected joints: [{name:, row:, type:, parameters:}]")
+        if self.modal is not None and self.joints:
+            raise fault("got joints beside modal; expected joint: in each entry of modal", "joints")
         return self
 
 
@@ -163,5 +72,18 @@ class StudySection(Section):
 
     name: str
     model: ModelSection
+    recordings: tuple[RecordingSection, ...] = ()
     qsma: QsmaSettings | None = None
-    recordings: tuple[Any, ...] = ()
+    modes: Annotated[tuple[Index, ...], Field(min_length=1)] | None = None
+    bands: dict[str, Band] = Field(default_factory=dict)
+    bounds: dict[str, Pair] = Field(default_factory=dict)
+    priors: dict[str, Prior] = Field(default_factory=dict)
+    values: dict[str, float] = Field(default_factory=dict)
+    fixed: dict[str, float] = Field(default_factory=dict)
+    ringdown: RingdownSettings = RingdownSettings()
+    fit: FitSettings = FitSettings()
+    posterior: PosteriorSettings = PosteriorSettings()
+    noise: dict[str, Positive] = Field(default_factory=dict)
+    hypotheses: tuple[str, ...] = ()
+    budget: Positive | None = None
+    seed: Index = 0

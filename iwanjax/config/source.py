@@ -55,8 +55,12 @@ class Source:
 
     def error(self, place: Place, message: str) -> InputError:
         """One line for a fault at a place."""
+        return InputError(f"{self.told(place)}: {message}")
+
+    def told(self, place: Place) -> str:
+        """File, line and dotted key of a place, as messages begin."""
         _, line, key = self._find(place)
-        return InputError(f"{self.path}:{line}: {key}{': ' if key else ''}{message}")
+        return f"{self.path}:{line}{': ' if key else ''}{key}"
 
     @contextlib.contextmanager
     def blamed(self, *place: str | int) -> Iterator[None]:

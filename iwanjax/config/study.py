@@ -1,23 +1,32 @@
-"""A study: the structure that a file describes, and what to do with it."""
+"""A study: the model that a file describes, the measurements, and what to do with them."""
 
-import inspect
-import typing
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
-from pydantic import create_model
-
-from iwanjax.config.elements import element_of
+from iwanjax.config.entries import recording_entries
 from iwanjax.config.faults import one_of
-from iwanjax.config.schema import ModelSection, QsmaSettings, Section, StudySection
-from iwanjax.config.source import Source
+from iwanjax.config.modal import ModalMode, modal_modes
+from iwanjax.config.names import Names, known, once
+from iwanjax.config.parameters import ParameterChange, modal_changes, structural_changes
+from iwanjax.config.qsma import QsmaSettings
+from iwanjax.config.recordings import RecordingEntry
+from iwanjax.config.schema import StudySection
+from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
+from iwanjax.config.source import Place, Source
+from iwanjax.config.structure import model_of
 from iwanjax.errors import InputError
-from iwanjax.joints import AbstractJoint
-from iwanjax.structures import SYSTEMS, JointedStructure
-from iwanjax.structures.model_file import Model, read_model
+from iwanjax.structures import JointedStructure
+from iwanjax.structures.model_file import Model
+
+if TYPE_CHECKING:
+    from iwanjax.updating import Parameter
+
+S = TypeVar("S", FitSettings, PosteriorSettings)
+
+# Sections that mean nothing without a structure.
+_STRUCTURAL = ("qsma", "modes", "bands")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,33 +39,104 @@ class Study:
         What reports call it.
     path : Path
         The file; paths in it are relative to its folder.
-    model : Model
-        The structure without joints, its named rows, sensors and inputs.
-    structure : JointedStructure
-        The structure with its joints at their starting values.
+    model : Model or None
+        The structure without joints, its named rows, sensors and inputs; None for a study
+        of single modes.
+    structure : JointedStructure or None
+        The structure with its joints at their starting values; None likewise.
+    modal : tuple of ModalMode
+        The modes of a study without structure.
+    recordings : tuple of RecordingEntry
+        What has been measured.
+    modes : tuple of int or None
+        Elastic modes of the structure that the curves are of; None where not said.
+    bands : dict of int to (float, float)
+        Where elastic modes lie, Hz.
+    changes : mapping of str to ParameterChange
+        What the study says of parameters, by mode or joint and parameter; see
+        :meth:`parameters`.
     qsma : QsmaSettings or None
         The ``qsma:`` section.
-    recordings : tuple
-        The entries of ``recordings:`` as text, not looked into yet.
+    ringdown : RingdownSettings
+        How free decays become curves.
+    fit : FitSettings
+        How curves are fitted.
+    posterior : PosteriorSettings
+        How the posterior is sampled.
+    noise : dict of str to float
+        Standard deviation of a sensor's noise, in its unit.
+    hypotheses : tuple of str
+        What may be missing; empty for all that is known.
+    budget : float or None
+        Time to spend, s.
+    seed : int
+        Of all that is random, unless a section has its own.
     """
 
     name: str
     path: Path
-    model: Model
-    structure: JointedStructure
+    model: Model | None
+    structure: JointedStructure | None
+    modal: tuple[ModalMode, ...]
+    recordings: tuple[RecordingEntry, ...]
+    modes: tuple[int, ...] | None
+    bands: dict[int, tuple[float, float]]
+    changes: Mapping[str, ParameterChange]
     qsma: QsmaSettings | None
-    recordings: tuple[Any, ...]
+    ringdown: RingdownSettings
+    fit: FitSettings
+    posterior: PosteriorSettings
+    noise: dict[str, float]
+    hypotheses: tuple[str, ...]
+    budget: float | None
+    seed: int
+
+    def parameters(
+        self, mode: str | None, defaults: Mapping[str, "Parameter"]
+    ) -> dict[str, "Parameter"]:
+        """The parameters of a fit with the study's bounds, priors and values.
+
+        Parameters
+        ----------
+        mode : str or None
+            Name of one of ``modal``; None for a structure.
+        defaults : mapping of str to Parameter
+            From :func:`iwanjax.updating.modal_parameters` or ``structural_parameters``.
+
+        Returns
+        -------
+        dict of str to Parameter
+            All of ``defaults``, under the same names.
+
+        Raises
+        ------
+        InputError
+            For an unknown mode, and with the file's line where the study's value lies
+            outside bounds that come from the data.
+        """
+        names = [each.name for each in self.modal]
+        if mode not in (names or [None]):
+            raise InputError(f"{self.path}: no mode {mode!r}; {one_of(str(mode), names)}")
+        prefix = "" if mode is None else f"{mode}."
+        changes = {name: self.changes.get(f"{prefix}{name}") for name in defaults}
+        return {
+            name: default if (change := changes[name]) is None else change.applied(default)
+            for name, default in defaults.items()
+        }
 
 
 def load_study(path: str | Path) -> Study:
-    """Read a study file and the model it names.
+    """Read a study file and the model it names; recordings are not opened.
 
     Parameters
     ----------
     path : str or Path
-        A YAML file with ``name``, ``model`` (a ``file`` of matrices or a ``builder`` of
-        :data:`iwanjax.structures.SYSTEMS`, and ``joints``), optionally ``qsma`` and
-        ``recordings``.
+        A YAML file with ``name`` and ``model``: a ``file`` of matrices or a ``builder`` of
+        :data:`iwanjax.structures.SYSTEMS`, with ``joints``; or ``modal``, single modes.
+        Optional are ``recordings``, what is analysed (``modes``, ``bands``), what is known
+        of parameters (``bounds``, ``priors``, ``values``, ``fixed``), how it is done
+        (``qsma``, ``ringdown``, ``fit``, ``posterior``, ``seed``), and for a diagnosis
+        ``noise``, ``hypotheses`` and ``budget``.
 
     Returns
     -------
@@ -69,78 +149,76 @@ def load_study(path: str | Path) -> Study:
     """
     source = Source.read(Path(path))
     section = source.validated(StudySection, source.content)
-    elements = [element_of(source, i, joint) for i, joint in enumerate(section.model.joints)]
-    model, own = _model(source, section.model, elements)
-    joints = _joints(source, section.model, elements, model.rows, own)
-    with source.blamed("model"):
-        structure = JointedStructure(model.structure, joints)
-    count = structure.basis.omega2.shape[0]
+    modal = modal_modes(source, section.model.modal or ())
+    if modal:
+        _refuse_structural(source, section)
+        model, structure = None, None
+        names = Names(modal=tuple(mode.name for mode in modal))
+        changes = modal_changes(source, section, modal)
+    else:
+        model, structure = model_of(source, section.model)
+        named = section.model.file is not None
+        names = Names(
+            elastic=structure.basis.omega2.shape[0],
+            joints=structure.labels,
+            sensors=tuple(model.sensors) if named else None,
+            inputs=tuple(model.inputs) if named else None,
+        )
+        changes = structural_changes(source, section, structure)
+    names = replace(names, chosen=_modes(source, section, names))
+    for label in section.noise:
+        known(source, ("noise", label), label, names.sensors, "sensor")
+    once(source, ("hypotheses",), section.hypotheses)
+    return Study(
+        name=section.name,
+        path=source.path,
+        model=model,
+        structure=structure,
+        modal=modal,
+        recordings=recording_entries(source, section.recordings, names),
+        modes=names.chosen,
+        bands=_bands(source, section, names),
+        changes=changes,
+        qsma=section.qsma,
+        ringdown=section.ringdown,
+        fit=_seeded(section.fit, section.seed),
+        posterior=_seeded(section.posterior, section.seed),
+        noise=dict(section.noise),
+        hypotheses=section.hypotheses,
+        budget=section.budget,
+        seed=section.seed,
+    )
+
+
+def _refuse_structural(source: Source, section: StudySection) -> None:
+    """Refuse what needs a structure in a study without one."""
+    given: list[Place] = [(key,) for key in _STRUCTURAL if key in section.model_fields_set]
+    if "groups" in section.fit.model_fields_set:
+        given.append(("fit", "groups"))
+    for place in given:
+        raise source.error(
+            place, "needs a structure, model.file or model.builder; this study has modal"
+        )
+
+
+def _modes(source: Source, section: StudySection, names: Names) -> tuple[int, ...] | None:
+    """The elastic modes of the study; those of qsma are looked at too."""
     for i, mode in enumerate(section.qsma.modes if section.qsma else ()):
-        if mode >= count:
-            raise source.error(
-                ("qsma", "modes", i),
-                f"got {mode}; expected 0 to {count - 1}: the structure has {count} elastic "
-                "mode(s), counted from 0, lowest first",
-            )
-    return Study(section.name, source.path, model, structure, section.qsma, section.recordings)
+        names.index(source, ("qsma", "modes", i), mode)
+    for i, mode in enumerate(section.modes or ()):
+        names.index(source, ("modes", i), mode)
+    once(source, ("modes",), section.modes or ())
+    return section.modes
 
 
-def _model(
-    source: Source, section: ModelSection, elements: Sequence[AbstractJoint]
-) -> tuple[Model, Mapping[str, AbstractJoint]]:
-    """The model, and the joints that a builder has put on its rows."""
-    if section.file is not None:
-        with source.blamed("model", "file"):
-            return read_model(source.path.parent / section.file), {}
-    name = section.builder or ""
-    builder = SYSTEMS.get(name)
-    if builder is None:
-        raise source.error(("model", "builder"), f"got {name!r}; {one_of(name, SYSTEMS)}")
-    arguments = dict(inspect.signature(builder).parameters)
-    joint = arguments.pop("joint", None)
-    hints = typing.get_type_hints(builder)
-    fields: dict[str, Any] = {
-        option: (hints[option], ... if argument.default is argument.empty else argument.default)
-        for option, argument in arguments.items()
+def _bands(source: Source, section: StudySection, names: Names) -> dict[int, tuple[float, float]]:
+    """The bands by index."""
+    return {
+        int(names.mode(source, ("bands", key), key)): band for key, band in section.bands.items()
     }
-    kind = create_model("_Options", __base__=Section, **fields)
-    options = source.validated(kind, section.options or {}, ("model", "options")).model_dump()
-    # A builder that cannot do without its joint gets it; others' joints are replaced later.
-    if joint is not None and joint.default is joint.empty:
-        if len(elements) != 1:
-            raise source.error(
-                ("model", "builder"),
-                f"{name} needs its joint, got {len(elements)}; expected joints: [{{name: J1, "
-                "type: iwan4, parameters: {F_S: 10, K_T: 1, chi: -0.5, beta: 5}}]",
-            )
-        options["joint"] = elements[0]
-    try:
-        system = builder(**options)
-    except InputError as error:
-        named = [option for option in fields if f"{option} = " in str(error)]
-        raise source.error(("model", "options", *named[:1]), str(error)) from None
-    rows = dict(zip(system.labels, np.asarray(system.rows), strict=True))
-    return Model(system.structure, rows, {}, {}), system.joints
 
 
-def _joints(
-    source: Source,
-    section: ModelSection,
-    elements: Sequence[AbstractJoint],
-    rows: Mapping[str, np.ndarray],
-    own: Mapping[str, AbstractJoint],
-) -> dict[str, tuple[np.ndarray, AbstractJoint]]:
-    """The joints of the list on their rows, and a builder's own ones on the other rows."""
-    listed = {joint.place for joint in section.joints}
-    joints = {label: (rows[label], joint) for label, joint in own.items() if label not in listed}
-    for i, (joint, element) in enumerate(zip(section.joints, elements, strict=True)):
-        place = ("model", "joints", i)
-        if joint.place not in rows:
-            raise source.error(
-                (*place, "row" if joint.row else "name"),
-                f"the model has no row {joint.place!r}; {one_of(joint.place, rows)}",
-            )
-        if joint.name in joints:
-            raise source.error((*place, "name"), f"got {joint.name!r} again; rename it")
-        joints[joint.name] = (rows[joint.place], element)
-    return joints
+def _seeded(settings: S, seed: int) -> S:
+    """The settings with the study's seed where they have none of their own."""
+    own = "seed" in settings.model_fields_set
+    return settings if own else settings.model_copy(update={"seed": seed})

@@ -1,0 +1,199 @@
+"""Entries of ``recordings:`` held against their kind, the disk and the model."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import get_args
+
+from iwanjax.config.faults import one_of
+from iwanjax.config.names import Names, known, once
+from iwanjax.config.recordings import (
+    Kind,
+    Quantity,
+    RecordingEntry,
+    RecordingSection,
+    ResponseSettings,
+)
+from iwanjax.config.section import Section
+from iwanjax.config.source import Place, Source
+from iwanjax.files import nearest
+
+_HISTORIES = ("transient", "free_decay")
+_EVERY = ("file", "kind", "use", "name")
+_HISTORY = (
+    *_EVERY,
+    *("variable", "sampling_rate", "index", "response", "mode", "modes", "start", "end"),
+)
+_KEYS: dict[Kind, tuple[str, ...]] = {
+    "transient": (*_HISTORY, "force"),
+    "free_decay": _HISTORY,
+    "curves": (*_EVERY, "response", "mode"),
+    "response_control": (*_EVERY, "response", "mode", "levels"),
+    "force_control": (*_EVERY, "response", "mode", "levels"),
+    "loop": (*_EVERY, "joint"),
+}
+# Of a response that is an amplitude of one mode, not a time history.
+_AMPLITUDE = ("sensors", "quantity", "unit")
+
+
+def recording_entries(
+    source: Source, sections: Sequence[RecordingSection], names: Names
+) -> tuple[RecordingEntry, ...]:
+    """Hold each entry against its kind, the disk and the model."""
+    return tuple(_entry(source, i, each, names) for i, each in enumerate(sections))
+
+
+def _entry(source: Source, i: int, section: RecordingSection, names: Names) -> RecordingEntry:
+    place: Place = ("recordings", i)
+    _refuse_foreign(source, place, section)
+    path = _existing(source, (*place, "file"), section.file)
+    if section.kind in _HISTORIES:
+        _check_history(source, place, section)
+    response = _response(source, (*place, "response"), section, names)
+    for j, label in enumerate(section.force.inputs if section.force else ()):
+        known(source, (*place, "force", "inputs", j), label, names.inputs, "input")
+    if section.levels is not None:
+        once(source, (*place, "levels"), section.levels)
+    return RecordingEntry(
+        path=path,
+        kind=section.kind,
+        use=section.use,
+        name=section.name or path.name,
+        place=source.told(place),
+        modes=_modes(source, place, section, names),
+        response=response,
+        force=section.force,
+        variable=section.variable,
+        sampling_rate=section.sampling_rate,
+        index=section.index,
+        levels=section.levels,
+        joint=_joint(source, place, section, names),
+        start=section.start,
+        end=section.end,
+    )
+
+
+def _refuse_foreign(source: Source, place: Place, section: RecordingSection) -> None:
+    """Refuse keys that mean nothing for the entry's kind."""
+    keys = _KEYS[section.kind]
+    for key in _given(section):
+        if key not in keys:
+            raise source.error(
+                (*place, key),
+                f"does not belong to kind {section.kind}; expected one of {', '.join(keys)}",
+            )
+    if section.kind in _HISTORIES:
+        return
+    for key in _given(section.response):
+        if key not in _AMPLITUDE:
+            raise source.error(
+                (*place, "response", key),
+                f"does not belong to kind {section.kind}; expected one of {', '.join(_AMPLITUDE)}",
+            )
+    if len(section.response.sensors) > 1:
+        raise source.error(
+            (*place, "response", "sensors"),
+            f"got {len(section.response.sensors)} sensors; expected one: {section.kind} are "
+            "against one amplitude",
+        )
+
+
+def _given(section: Section) -> list[str]:
+    """Keys of a section that the file has."""
+    return [key for key in type(section).model_fields if key in section.model_fields_set]
+
+
+def _existing(source: Source, place: Place, file: str) -> Path:
+    path = source.path.parent / file
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise source.error(place, f"{path} is a folder; expected a file")
+    folder = path.parent
+    beside = [each.name for each in folder.iterdir()] if folder.is_dir() else []
+    raise source.error(
+        place,
+        f"{path} does not exist; expected a file, relative to the study's folder"
+        f"{nearest(path.name, beside)}",
+    )
+
+
+def _check_history(source: Source, place: Place, section: RecordingSection) -> None:
+    """Hold the keys of a time history against each other."""
+    if section.index is not None:
+        once(source, (*place, "index"), section.index)
+    if section.start is not None and section.end is not None and section.end <= section.start:
+        raise source.error(
+            (*place, "end"), f"got {section.end:g}; expected more than start = {section.start:g}"
+        )
+    response = section.response
+    # Names of channels may tell the quantity; those of arrays and sensors are not counted upon.
+    unnamed = response.channel is None and not response.channels
+    if response.quantity is None and unnamed and (response.array or response.sensors):
+        kinds = ", ".join(get_args(Quantity))
+        raise source.error(
+            (*place, "response"), f"'quantity' is missing; add quantity: and one of {kinds}"
+        )
+
+
+def _response(
+    source: Source, place: Place, section: RecordingSection, names: Names
+) -> ResponseSettings:
+    """The response with all its channels in one place."""
+    response = section.response
+    if response.channel is not None:
+        if response.channels:
+            raise source.error(
+                (*place, "channels"), "got both channel and channels; expected one of them"
+            )
+        response = response.model_copy(update={"channels": (response.channel,)})
+    for key, labels in (("channels", response.channels), ("sensors", response.sensors)):
+        once(source, (*place, key), labels)
+    if response.channels and response.sensors and len(response.channels) != len(response.sensors):
+        raise source.error(
+            (*place, "sensors"),
+            f"got {len(response.sensors)} for {len(response.channels)} channel(s); expected one "
+            "each",
+        )
+    for j, label in enumerate(response.sensors):
+        known(source, (*place, "sensors", j), label, names.sensors, "sensor")
+    return response
+
+
+def _modes(
+    source: Source, place: Place, section: RecordingSection, names: Names
+) -> tuple[str | int, ...]:
+    """What the entry tells of, in full."""
+    if section.mode is not None and section.modes is not None:
+        raise source.error((*place, "modes"), "got both mode and modes; expected one of them")
+    if section.mode is not None:
+        return (names.mode(source, (*place, "mode"), section.mode),)
+    if section.modes is not None:
+        found = tuple(
+            names.mode(source, (*place, "modes", j), each) for j, each in enumerate(section.modes)
+        )
+        once(source, (*place, "modes"), found)
+        return found
+    if section.kind == "loop":
+        return ()
+    if section.kind in _HISTORIES:
+        return names.modes
+    if len(names.modes) != 1:
+        raise source.error(
+            place,
+            f"'mode' is missing; {section.kind} are of one mode: add mode: and one of "
+            f"{', '.join(map(str, names.modes))}",
+        )
+    return names.modes
+
+
+def _joint(source: Source, place: Place, section: RecordingSection, names: Names) -> str | None:
+    """Whose loop it is; of a joint on its own any name goes where there is no structure."""
+    if section.kind != "loop" or names.modal:
+        return section.joint
+    if section.joint is not None:
+        return known(source, (*place, "joint"), section.joint, names.joints, "joint")
+    if len(names.joints) != 1:
+        raise source.error(
+            place, f"'joint' is missing; whose loop is it? {one_of('', names.joints)}"
+        )
+    return names.joints[0]

@@ -1,0 +1,134 @@
+"""The ``recordings:`` section: which files hold what, and what it is used for."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from iwanjax.config.section import Index, OneOrMore, Positive, Section
+
+Kind: TypeAlias = Literal[
+    "transient", "free_decay", "curves", "response_control", "force_control", "loop"
+]
+Use: TypeAlias = Literal["fit", "hold_out"]
+Quantity: TypeAlias = Literal["acceleration", "velocity", "displacement"]
+
+_Names = Annotated[tuple[str, ...], OneOrMore]
+
+
+class ResponseSettings(Section):
+    """What a recording's ``response:`` says of the measured channels.
+
+    Attributes
+    ----------
+    array : str or None
+        The array of the file that holds them.
+    channel, channels : str or None, tuple of str
+        One or several; a single one is in ``channels`` too. With ``array``, what its columns
+        are called, in their order; without, the columns or arrays to take, or where a file
+        has no names for them, what they are called.
+    sensors : tuple of str
+        The channels' sensors, in the same order: labels of the model where it has any.
+    quantity : {"acceleration", "velocity", "displacement"} or None
+        What they measure; None leaves it to the channels' own names.
+    unit : str
+        Label, never converted.
+    """
+
+    array: str | None = None
+    channel: str | None = None
+    channels: _Names = ()
+    sensors: _Names = ()
+    quantity: Quantity | None = None
+    unit: str = ""
+
+
+class ForceSettings(Section):
+    """What a recording's ``force:`` says of the measured forces.
+
+    Attributes
+    ----------
+    array : str or None
+        The array of the file that holds them.
+    inputs : tuple of str
+        Where each acts, in the order of its columns: labels of the model where it has any.
+    """
+
+    array: str | None = None
+    inputs: _Names = ()
+
+
+class RecordingSection(Section):
+    """An entry of ``recordings:``."""
+
+    file: str
+    kind: Kind = "transient"
+    use: Use = "fit"
+    name: str | None = None
+    variable: str | None = None
+    sampling_rate: Positive | None = None
+    index: Annotated[tuple[Index, ...], Field(min_length=1), OneOrMore] | None = None
+    response: ResponseSettings = ResponseSettings()
+    force: ForceSettings | None = None
+    mode: str | None = None
+    modes: Annotated[_Names, Field(min_length=1)] | None = None
+    levels: Annotated[tuple[Positive, ...], Field(min_length=1), OneOrMore] | None = None
+    joint: str | None = None
+    start: Annotated[float, Field(ge=0)] | None = None
+    end: Positive | None = None
+
+
+@dataclass(frozen=True)
+class RecordingEntry:
+    """An entry of ``recordings:``, checked; the file is there but has not been opened.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    kind : {"transient", "free_decay", "curves", "response_control", "force_control", "loop"}
+        What it holds.
+    use : {"fit", "hold_out"}
+        Whether a fit may see it.
+    name : str
+        Label; the file's own name unless given.
+    place : str
+        ``file:line: recordings[i]``, for faults that only reading the file shows.
+    modes : tuple of str or int
+        What it tells of: names of modal modes or indices of elastic ones. One for curves,
+        response_control and force_control, none for a loop; for time histories all modes of
+        the study unless given.
+    response : ResponseSettings
+        Measured channels.
+    force : ForceSettings or None
+        Measured forces.
+    variable : str or None
+        The struct, group or cell of the file that holds the recordings.
+    sampling_rate : float or None
+        Hz.
+    index : tuple of int or None
+        Which recordings of the file, counted from 0; None for all.
+    levels : tuple of float or None
+        Which controlled levels of the file; None for all.
+    joint : str or None
+        Whose loop it is.
+    start, end : float or None
+        Part of the record that is analysed as a free decay, s from its first sample.
+    """
+
+    path: Path
+    kind: Kind
+    use: Use
+    name: str
+    place: str
+    modes: tuple[str | int, ...] = ()
+    response: ResponseSettings = field(default_factory=ResponseSettings)
+    force: ForceSettings | None = None
+    variable: str | None = None
+    sampling_rate: float | None = None
+    index: tuple[int, ...] | None = None
+    levels: tuple[float, ...] | None = None
+    joint: str | None = None
+    start: float | None = None
+    end: float | None = None

@@ -1,0 +1,72 @@
+"""The sections that say how to analyse, fit and sample."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from iwanjax.config.faults import fault
+from iwanjax.config.section import Count, Index, Section
+
+
+def _even(count: int) -> int:
+    if count % 2:
+        raise fault(f"got {count}; expected an even number, for instance {count + 1}")
+    return count
+
+
+class RingdownSettings(Section):
+    """The ``ringdown:`` section: how free decays become curves.
+
+    Attributes
+    ----------
+    precision : float
+        Relative deviation of the damping that each interval is made long enough for.
+    order : int
+        Order of the band's filter.
+    """
+
+    precision: Annotated[float, Field(gt=0, lt=1)] = 0.02
+    order: Count = 3
+
+
+class FitSettings(Section):
+    """The ``fit:`` section; as keywords what :func:`iwanjax.updating.fit` is asked for.
+
+    Attributes
+    ----------
+    starts : int
+        Starting points.
+    seed : int
+        Of their draws; the study's own unless given.
+    reference : {"absolute", "shift"} or None
+        Whether frequencies are compared as they are or up to one offset a curve; None
+        leaves it to the model.
+    groups : dict of str to tuple of str
+        Joints that share their parameters, under a common name.
+    """
+
+    starts: Count = 64
+    seed: Index = 0
+    reference: Literal["absolute", "shift"] | None = None
+    groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
+
+
+class PosteriorSettings(Section):
+    """The ``posterior:`` section; as keywords what the sampler is asked for.
+
+    Attributes
+    ----------
+    effective : int
+        Independent samples wanted of every parameter.
+    walkers : int
+        Even.
+    most_steps : int
+        Where to stop in any case.
+    seed : int
+        Of the walk; the study's own unless given.
+    """
+
+    effective: Count = 1000
+    walkers: Annotated[int, Field(ge=2), AfterValidator(_even)] = 48
+    most_steps: Count = 20_000
+    seed: Index = 0
