@@ -17,7 +17,9 @@ LAYERS = [
     {"quasistatic", "dynamics"},
     {"updating"},
     {"discrepancy"},
-    {"plotting", "report", "config"},
+    {"plotting", "config"},
+    {"report"},
+    {"verbs"},
     {"cli"},
 ]
 LAYER_OF = {room: layer for layer, rooms in enumerate(LAYERS) for room in rooms}

@@ -1,7 +1,25 @@
-"""Signals: recordings of measurements, and the files they come in."""
+"""Signals: recordings of measurements, the files they come in, and the curves they hold."""
 
+from iwanjax.signals.contents import file_contents
 from iwanjax.signals.curves_file import read_curves
+from iwanjax.signals.filters import band_pass, modal_filter
+from iwanjax.signals.merge import MergedCurves, merge_curves
 from iwanjax.signals.readers import read_recording, read_recordings
 from iwanjax.signals.recording import Channel, Recording
+from iwanjax.signals.ringdown import RingDown, ringdown, ringdown_curves
 
-__all__ = ["Channel", "Recording", "read_curves", "read_recording", "read_recordings"]
+__all__ = [
+    "Channel",
+    "MergedCurves",
+    "Recording",
+    "RingDown",
+    "band_pass",
+    "file_contents",
+    "merge_curves",
+    "modal_filter",
+    "read_curves",
+    "read_recording",
+    "read_recordings",
+    "ringdown",
+    "ringdown_curves",
+]

@@ -60,6 +60,32 @@ class MergedCurves:
             name=c.name,
         )
 
+    @property
+    def weighted_hits(self) -> tuple[ModalCurves, ...]:
+        """The hits, each level's deviation with the repeatability added: what a fit should weigh.
+
+        Beyond the levels that two hits share the repeatability is that of the nearest.
+        """
+        return tuple(self._weighted(hit) for hit in self.hits)
+
+    def _weighted(self, hit: ModalCurves) -> ModalCurves:
+        at, known = (np.log(np.asarray(c.amplitude)) for c in (hit, self.curves))
+        return ModalCurves(
+            hit.amplitude,
+            hit.frequency,
+            hit.damping,
+            amplitude_std=hit.amplitude_std,
+            frequency_std=np.hypot(
+                np.asarray(hit.frequency_std), np.interp(at, known, self.frequency_repeatability)
+            ),
+            damping_std=np.hypot(
+                np.asarray(hit.damping_std), np.interp(at, known, self.damping_repeatability)
+            ),
+            quantity=hit.quantity,
+            unit=hit.unit,
+            name=hit.name,
+        )
+
 
 def merge_curves(curves: Sequence[ModalCurves], levels: int | None = None) -> MergedCurves:
     r"""One curve from several hits, at amplitudes that at least two of them reach.

@@ -1,0 +1,1 @@
+"""What the command line's verbs do with a study: compute, and write numbers and pictures."""

@@ -1,0 +1,151 @@
+"""The verb ``fit``: joint parameters from a study's recordings."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iwanjax.config import Study
+from iwanjax.plotting import plot_fit
+from iwanjax.report.fit import FitEntry, fit_report
+from iwanjax.updating import FitSolution, Posterior
+from iwanjax.verbs.fitted import Fitted, fits
+from iwanjax.verbs.measured import measured_modes
+from iwanjax.verbs.output import (
+    curve_arrays,
+    file_names,
+    results,
+    save,
+    version,
+    write_arrays,
+    write_json,
+)
+
+
+def run(study: Study, out: Path) -> list[str]:
+    """Write fit.json, fit.npz, pictures and report.html; lines for the screen."""
+    found = fits(study, measured_modes(study))
+    with results(out) as folder:
+        write_fits(study, found, folder)
+        (folder / "report.html").write_text(report(study, found), encoding="utf-8")
+    lines = [line for each in found for line in screen_lines(each)]
+    return [*lines, f"wrote {out / 'report.html'}"]
+
+
+def write_fits(study: Study, found: Sequence[Fitted], folder: Path) -> None:
+    """fit.json, fit.npz and a picture of each fit."""
+    arrays: dict[str, np.ndarray] = {}
+    for label, each in zip(file_names(f.name for f in found), found, strict=True):
+        held_out = [row.curves for row in each.held_out if row.curves is not None]
+        save(plot_fit(each.solution, held_out), folder / f"fit_{label}.png")
+        solution = each.solution
+        arrays[f"{label}_covariance"] = solution.covariance
+        for i, pair in enumerate(zip(solution.measured, solution.predicted, strict=True)):
+            for kind, curves in zip(("measured", "predicted"), pair, strict=True):
+                named = curve_arrays(curves)
+                arrays |= {f"{label}_{kind}{i}_{name}": array for name, array in named.items()}
+    write_arrays(folder / "fit.npz", arrays)
+    write_json(
+        folder / "fit.json",
+        {"study": study.name, "iwanjax": version(), "fits": [_told(each) for each in found]},
+    )
+
+
+def report(study: Study, found: Sequence[Fitted], posteriors: Sequence[Posterior] = ()) -> str:
+    """The page about a study's fits."""
+    entries = []
+    for i, each in enumerate(found):
+        mode = each.modes[0]
+        single = len(each.modes) == 1
+        ringdowns = tuple(hit.ringdown for hit in mode.hits if hit.ringdown is not None)
+        entries.append(
+            FitEntry(
+                each.name,
+                each.solution,
+                ringdowns if single else (),
+                mode.merged if single else None,
+                each.exponents,
+                each.held_out,
+                posteriors[i] if posteriors else None,
+            )
+        )
+    return fit_report(study.name, entries)
+
+
+def screen_lines(each: Fitted) -> list[str]:
+    """A fit for the screen."""
+    lines = [
+        f"{each.name}: {line}" if i == 0 else line
+        for i, line in enumerate(each.solution.summary().splitlines())
+    ]
+    if each.exponents is not None:
+        lines += ["", each.exponents.statement() + "."]
+    for row in each.held_out:
+        line = (
+            f"held out {row.name}: predicted within {row.frequency_error:.2g} Hz and "
+            f"{row.damping_error:.2g} % of its damping (rms)"
+        )
+        if row.frequency_repeatability is not None and row.damping_repeatability is not None:
+            line += (
+                f"; recordings repeat within {row.frequency_repeatability:.2g} Hz and "
+                f"{row.damping_repeatability:.2g} %"
+            )
+        lines.append(line)
+    return [*lines, f"fitted in {each.seconds:.1f} s, compilation included"]
+
+
+def _told(each: Fitted) -> dict[str, Any]:
+    """A fit for fit.json."""
+    solution = each.solution
+    return {
+        "name": each.name,
+        "modes": [mode.name for mode in each.modes],
+        "parameters": parameters(solution),
+        "derived": {
+            name: {"value": value, "std": std} for name, (value, std) in solution.derived.items()
+        },
+        "misfit": solution.misfit,
+        "misfit_frequency": solution.misfit_frequency,
+        "misfit_damping": solution.misfit_damping,
+        "converged": solution.converged,
+        "runs": solution.runs,
+        "agreeing": solution.agreeing,
+        "active_bounds": solution.active_bounds,
+        "undetermined": [
+            {"components": d.components, "narrowing": d.narrowing} for d in solution.undetermined
+        ],
+        "free_exponents": None
+        if each.exponents is None
+        else {"frequency": each.exponents.frequency, "damping": each.exponents.damping},
+        "held_out": [
+            {
+                "recording": row.name,
+                "frequency_error_hz": row.frequency_error,
+                "damping_error_percent": row.damping_error,
+                "frequency_repeatability_hz": row.frequency_repeatability,
+                "damping_repeatability_percent": row.damping_repeatability,
+            }
+            for row in each.held_out
+        ],
+        "seconds": each.seconds,
+        "summary": solution.summary(),
+    }
+
+
+def parameters(solution: FitSolution) -> dict[str, dict[str, Any]]:
+    """Estimates with all that is known of them."""
+    return {
+        p.name: {
+            "value": p.value,
+            "std": solution.std[p.name],
+            "unit": p.unit,
+            "meaning": p.meaning,
+            "lower": p.lower,
+            "upper": p.upper,
+            "fixed": p.fixed,
+            "determined": solution.determined.get(p.name, False),
+            "on_bound": p.name in solution.active_bounds,
+        }
+        for p in solution.parameters
+    }

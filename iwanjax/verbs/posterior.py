@@ -1,0 +1,85 @@
+"""The verb ``posterior``: what a study's recordings say of the parameters, sampled."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iwanjax.config import Study
+from iwanjax.plotting import plot_posterior
+from iwanjax.updating import Posterior, sample_posterior
+from iwanjax.verbs.fit import report, write_fits
+from iwanjax.verbs.fitted import fits
+from iwanjax.verbs.measured import measured_modes
+from iwanjax.verbs.output import file_names, results, save, version, write_arrays, write_json
+
+
+def run(study: Study, out: Path) -> list[str]:
+    """Write posterior.json, posterior.npz, the chains, pictures and report.html.
+
+    The chains (posterior_MODE.h5) are kept in the folder while they grow, so that the same
+    command goes on where it was interrupted.
+    """
+    found = fits(study, measured_modes(study))
+    labels = file_names(each.name for each in found)
+    with results(out) as folder:
+        posteriors = [
+            sample_posterior(
+                each.solution,
+                **study.posterior.model_dump(),
+                file=out / f"posterior_{label}.h5",
+                progress=True,
+            )
+            for label, each in zip(labels, found, strict=True)
+        ]
+        write_fits(study, found, folder)
+        arrays: dict[str, np.ndarray] = {}
+        for label, posterior in zip(labels, posteriors, strict=True):
+            save(plot_posterior(posterior), folder / f"posterior_{label}.png")
+            arrays[f"{label}_names"] = np.array(posterior.names)
+            arrays[f"{label}_chain"] = posterior.chain
+            arrays[f"{label}_log_density"] = posterior.log_density
+        write_arrays(folder / "posterior.npz", arrays)
+        write_json(
+            folder / "posterior.json",
+            {
+                "study": study.name,
+                "iwanjax": version(),
+                "posteriors": [
+                    {"name": each.name, **_told(posterior)}
+                    for each, posterior in zip(found, posteriors, strict=True)
+                ],
+            },
+        )
+        (folder / "report.html").write_text(report(study, found, posteriors), encoding="utf-8")
+    lines = []
+    for each, posterior in zip(found, posteriors, strict=True):
+        first, *others = posterior.summary().splitlines()
+        lines += [f"{each.name}: {first}", *others]
+    return [*lines, f"wrote {out / 'report.html'}"]
+
+
+def _told(posterior: Posterior) -> dict[str, Any]:
+    """A posterior for posterior.json."""
+    return {
+        "parameters": {
+            name: {
+                "mean": float(np.mean(values)),
+                "std": float(np.std(values)),
+                "median": float(np.median(values)),
+                "interval_68": posterior.interval(name, 0.6827),
+                "interval_90": posterior.interval(name, 0.9),
+                "interval_95": posterior.interval(name, 0.95),
+                "effective_samples": posterior.effective[name],
+                "autocorrelation_steps": posterior.autocorrelation[name],
+            }
+            for name, values in posterior.samples.items()
+        },
+        "enough": posterior.enough,
+        "effective_samples_wanted": posterior.wanted,
+        "acceptance": posterior.acceptance,
+        "steps": posterior.chain.shape[0],
+        "burnt": posterior.burnt,
+        "walkers": posterior.chain.shape[1],
+        "summary": posterior.summary(),
+    }
