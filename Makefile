@@ -63,8 +63,9 @@ help: ## list the targets
 
 env: $(TEST) ## make or refresh .venv with all that demo, test and notebooks need
 
-demo: $(CORE) ## frequency and damping of three masses with a joint, drawn into results/
-	@$(BIN)/iwanjax qsma configs/three_mass.yaml --out results/three_mass
+demo: $(CORE) ## from hammer hits to a fitted joint and its report in results/
+	@$(BIN)/iwanjax curves configs/modal_ringdown.yaml --out results/modal_ringdown
+	@$(BIN)/iwanjax fit configs/modal_ringdown.yaml --out results/modal_ringdown
 
 test: lint ## check style and types, then run the tests
 	$(BIN)/pytest -n 2

@@ -1,10 +1,13 @@
 """Set-up that every test shares: double precision, no display, no time limits under JIT."""
 
 import os
+import tempfile
 from pathlib import Path
 
 # JAX reads this when it is imported; a GPU in the machine must not change what the tests see.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+# Where the command line keeps compiled kernels: not in anybody's home, but shared by the tests.
+os.environ.setdefault("IWANJAX_CACHE", str(Path(tempfile.gettempdir()) / "iwanjax-test-kernels"))
 
 import hypothesis
 import jax

@@ -176,8 +176,10 @@ def test_version_and_help():
     assert run("--version").stdout == f"iwanjax {iwanjax.__version__}\n"
     text = run("--help").stdout
     assert "bolted joints" in text
-    assert "iwanjax qsma configs/three_mass.yaml --out results/three_mass" in text
-    assert "STUDY" in run("qsma", "--help").stdout
+    for verb in ("curves", "fit", "posterior", "qsma"):
+        assert f"  iwanjax {verb}" in text
+        assert "STUDY" in run(verb, "--help").stdout
+    assert "FILE" in run("inspect", "--help").stdout
 
 
 @pytest.mark.parametrize("arguments", [["qsma"], ["qsma", "a.yaml"], ["qsmaa"], ["--verson"]])
@@ -207,6 +209,6 @@ def test_as_a_process_of_its_own(study, tmp_path):
     bad = process("qsma", "study.yaml", "--out", "bad")
     assert (bad.returncode, bad.stdout) == (2, "")
     assert bad.stderr == (
-        "study.yaml:1: nme: unknown key; expected one of name, model, qsma, recordings; did you "
-        "mean 'name'?\n"
+        "study.yaml:1: nme: unknown key; expected one of name, model, recordings, qsma, modes, "
+        "bands, bounds, priors, values, fixed, ringdown, fit, ...; did you mean 'name'?\n"
     )

@@ -34,7 +34,7 @@ def test_it_is_stored_without_outputs(path):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_runs(path, tmp_path):
+def test_it_runs(path):
     # The kernel is a process of its own: only its client's warnings, about sockets and event
     # loops, arrive here, and they say nothing about the notebook.
     with warnings.catch_warnings():
@@ -43,7 +43,7 @@ def test_it_runs(path, tmp_path):
             read(path),
             timeout=LIMIT,
             kernel_name="python3",
-            resources={"metadata": {"path": str(tmp_path)}},
+            resources={"metadata": {"path": str(FOLDER)}},
         )
         notebook = client.execute()
     for cell in notebook.cells:

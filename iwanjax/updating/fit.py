@@ -20,6 +20,8 @@ from iwanjax.updating.structural import structural_parameters, structural_proble
 
 # Costs within this of each other are the same minimum.
 _SAME_COST = 1e-3
+# and within this many units of chi^2 they explain the curves as well: two parameters' 95 %.
+_RIVAL = 6.0
 # Starts that are iterated upon.
 _RUNS = 16
 
@@ -149,13 +151,16 @@ def solve(
     f, zeta = (np.asarray(x) for x in problem.differences(jnp.asarray(theta)))
     freedom = max(1, f.size + zeta.size - len(problem.chart.free) + len(active))
     misfit = float(np.sqrt((np.sum(f**2) + np.sum(zeta**2)) / freedom))
-    sure = certainty(problem, final, tuple(active), misfit)
+    as_good = cost <= cost[best] + _RIVAL * max(1.0, misfit) ** 2
+    rivals = np.stack([np.asarray(problem.to_values(z)) for z in found.z[as_good]])
+    sure = certainty(problem, final, tuple(active), misfit, rivals)
     return FitSolution(
         parameters=final,
         covariance=sure.covariance,
         derived=sure.derived,
         undetermined=sure.undetermined,
         determined=sure.determined,
+        rivals=sure.rivals,
         active_bounds=active,
         misfit=misfit,
         misfit_frequency=float(np.sqrt(np.mean(f**2))),

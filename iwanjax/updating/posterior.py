@@ -152,7 +152,12 @@ class Posterior:
         samples = self.samples
         for name in self.names:
             low, high = self.interval(name)
-            told = f"{np.median(samples[name]):.5g} [{low:.5g}, {high:.5g}] {units.get(name, '')}"
+            # Three digits of the interval's width.
+            digits = max(0, 2 - int(np.floor(np.log10(high - low)))) if high > low else 6
+            median = np.median(samples[name])
+            told = (
+                f"{median:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}] {units.get(name, '')}"
+            )
             note = "" if self.solution.determined.get(name, True) else "  mostly the prior's"
             lines.append(f"  {name:<{width}}  {told.rstrip()}{note}")
         lines += ["", "  median and central 90 %"]
@@ -252,6 +257,7 @@ def sample_posterior(
             bar.n = min(effective, int(chain.effective.min()))
             bar.refresh()
     log_density = np.asarray(sampler.get_log_prob(discard=chain.burnt))
+    acceptance = float(np.mean(sampler.acceptance_fraction))
     if kept:
         kept.close()
     names = tuple(solution.parameters[i].name for i in problem.chart.free) + NOISE_SCALES
@@ -266,7 +272,7 @@ def sample_posterior(
         effective=dict(zip(names, chain.effective.tolist(), strict=True)),
         wanted=effective,
         enough=chain.enough,
-        acceptance=float(np.mean(sampler.acceptance_fraction)),
+        acceptance=acceptance,
         burnt=chain.burnt,
         solution=solution,
     )

@@ -60,6 +60,9 @@ class FitSolution:
         Combinations that the data narrow to no less than a third of the prior.
     determined : dict of str to bool
         For each free parameter, whether the data narrow it to less than a third.
+    rivals : dict of str to (float, float)
+        Range of each parameter that other minima which explain the curves as well (within
+        6 of chi^2) move by more than a third of its prior; such are not determined.
     active_bounds : dict of str to float
         Parameters that the data would move beyond a bound, and the bound.
     misfit : float
@@ -86,6 +89,7 @@ class FitSolution:
     derived: dict[str, tuple[float, float]]
     undetermined: tuple[Direction, ...]
     determined: dict[str, bool]
+    rivals: dict[str, tuple[float, float]]
     active_bounds: dict[str, float]
     misfit: float
     misfit_frequency: float
@@ -116,13 +120,17 @@ class FitSolution:
         for p in self.parameters:
             lines.append(f"  {p.name:<{width}}  {self._told(p):<34}  {p.meaning}".rstrip())
         for name, (value, std) in self.derived.items():
-            lines.append(f"  {name:<{width}}  {_with_std(value, std):<34}  follows from the above")
+            told = f"{value:.3g} (one of several)" if self.rivals else _with_std(value, std)
+            lines.append(f"  {name:<{width}}  {told:<34}  follows from the above")
         for name, bound in self.active_bounds.items():
             lines += [
                 "",
                 f"  BOUND: {name} rests on its bound {bound:g}; the curves ask for a value beyond "
                 "it, and the other parameters pay for it.",
             ]
+        if self.rivals:
+            lines += ["", "  Other minima explain the curves as well (within 6 of chi^2), with"]
+            lines += [f"    {k} from {a:.3g} to {b:.3g}" for k, (a, b) in self.rivals.items()]
         if self.undetermined:
             lines += ["", "  These curves do not determine:"]
             lines += [
@@ -177,6 +185,7 @@ class Certainty:
     covariance: np.ndarray
     derived: dict[str, tuple[float, float]]
     undetermined: tuple[Direction, ...]
+    rivals: dict[str, tuple[float, float]]
     determined: dict[str, bool]
 
 
@@ -195,11 +204,13 @@ def certainty(
     parameters: Sequence[Parameter],
     active: Sequence[str],
     misfit: float,
+    rivals: np.ndarray,
 ) -> Certainty:
     """Covariance, undetermined combinations, deviations of derived quantities.
 
     The residuals are linearised in each parameter's transform (the logarithm of a strength,
-    say) and measured by the deviation its prior has there.
+    say) and measured by the deviation its prior has there. ``rivals`` (minima, parameters)
+    are other estimates that are as good.
     """
     theta = jnp.asarray([p.value for p in parameters])
     jacobian, derived, derived_slope = _derivatives(problem, theta)
@@ -222,6 +233,12 @@ def certainty(
     covariance = np.zeros((len(parameters), len(parameters)))
     covariance[np.ix_(moving, moving)] = root @ root.T
     deviation = np.sqrt(np.sum((rows.T * inverse) ** 2, axis=1))
+    ranges = {
+        parameters[i].name: (float(rivals[:, i].min()), float(rivals[:, i].max()))
+        for i, open_before in zip(moving, spread, strict=True)
+        if _apart(parameters[i], rivals[:, i])
+        > _DETERMINED * _apart_unit(parameters[i], open_before)
+    }
     return Certainty(
         covariance,
         {
@@ -234,8 +251,22 @@ def certainty(
             )
         },
         undetermined,
-        dict(zip(names, (deviation < _DETERMINED).tolist(), strict=True)),
+        ranges,
+        {
+            name: bool(size < _DETERMINED) and name not in ranges
+            for name, size in zip(names, deviation, strict=True)
+        },
     )
+
+
+def _apart(p: Parameter, values: np.ndarray) -> float:
+    """Largest distance between values of a parameter, in its logarithm where that is moved."""
+    return float(np.ptp(np.log(values) if p.transform == "log" else values))
+
+
+def _apart_unit(p: Parameter, deviation: float) -> float:
+    """A prior's deviation in the same terms."""
+    return deviation / p.value if p.transform == "log" else deviation
 
 
 def _prior_deviation(p: Parameter) -> float:
