@@ -9,11 +9,32 @@ from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.plotting.curves import plot_curves
+from iwanjax.plotting.fit import plot_fit
 from iwanjax.plotting.joints import plot_joint
+from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.quasistatic import plot_qsma
+from iwanjax.plotting.ringdown import plot_merged, plot_ringdown
 from iwanjax.quasistatic import QsmaSolution
+from iwanjax.signals.merge import MergedCurves
+from iwanjax.signals.ringdown import RingDown
 
-__all__ = ["plot", "plot_curves", "plot_joint", "plot_qsma"]
+__all__ = [
+    "plot",
+    "plot_bands",
+    "plot_curves",
+    "plot_fit",
+    "plot_joint",
+    "plot_merged",
+    "plot_posterior",
+    "plot_qsma",
+    "plot_ringdown",
+]
+
+# By name: their modules load the optimisers and emcee, which other figures do not need.
+_BY_NAME = {
+    "iwanjax.updating.solution.FitSolution": plot_fit,
+    "iwanjax.updating.posterior.Posterior": plot_posterior,
+}
 
 
 @singledispatch
@@ -22,10 +43,12 @@ def plot(obj: Any, **options: Any) -> Figure:
 
     Parameters
     ----------
-    obj : joint, ModalCurves or QsmaSolution
+    obj : joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, FitSolution or Posterior
         What to draw.
     **options
-        Passed to :func:`plot_joint`, :func:`plot_curves` or :func:`plot_qsma`.
+        Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
+        :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_fit` or
+        :func:`plot_posterior`.
 
     Returns
     -------
@@ -36,11 +59,18 @@ def plot(obj: Any, **options: Any) -> Figure:
     InputError
         For an object that has no figure.
     """
+    for kind in type(obj).__mro__:
+        draw = _BY_NAME.get(f"{kind.__module__}.{kind.__qualname__}")
+        if draw is not None:
+            return draw(obj, **options)
     raise InputError(
-        f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves or QsmaSolution"
+        f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
+        "RingDown, MergedCurves, FitSolution or Posterior"
     )
 
 
 plot.register(AbstractJoint, plot_joint)
 plot.register(ModalCurves, plot_curves)
 plot.register(QsmaSolution, plot_qsma)
+plot.register(RingDown, plot_ringdown)
+plot.register(MergedCurves, plot_merged)

@@ -2,9 +2,12 @@
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from jaxtyping import Array
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -112,7 +115,7 @@ def plot_joint(
     else:
         special = None
     try:
-        dissipation = np.asarray(joint.dissipation(levels))
+        dissipation = np.asarray(_dissipation(joint, levels))
     except InputError as error:
         raise InputError(f"plot_joint: this element has no quasi-static loop: {error}") from error
 
@@ -140,6 +143,21 @@ def plot_joint(
     set_up(*panels)
     figure.align_ylabels(panels[1:])
     return figure
+
+
+# Compiled as wholes: operation by operation they would take seconds on first use.
+_backbone = eqx.filter_jit(lambda joint, d: joint.backbone(d))
+_secant = eqx.filter_jit(lambda joint, d: joint.secant(d))
+_dissipation = eqx.filter_jit(lambda joint, d: joint.dissipation(d))
+
+
+@eqx.filter_jit
+def _loop_of(joint: AbstractJoint, amplitude: Array) -> tuple[Array, Array]:
+    return joint.loop(amplitude, points=4 * _LEVELS)
+
+
+def _loop(joint: AbstractJoint, amplitude: float) -> tuple[Array, Array]:
+    return _loop_of(joint, jnp.asarray(amplitude))
 
 
 def _levels(amplitudes: ArrayLike | None, scale: float) -> np.ndarray:
@@ -176,7 +194,7 @@ def _draw_force(
         mark_amplitude(ax, special.deflection)
     if not lossy:
         d = np.union1d(-d, d)
-        ax.plot(d, joint.backbone(d), color=PALETTE[0])
+        ax.plot(d, _backbone(joint, d), color=PALETTE[0])
         return
     # Small loops lie on top: they may be no more than a part of the larger ones' flanks.
     for i, factor in enumerate(_LOOPS):
@@ -186,14 +204,14 @@ def _draw_force(
             else f"${factor:g}\\,{special.symbol}$"
         )
         ax.plot(
-            *joint.loop(factor * middle, points=4 * _LEVELS),
+            *_loop(joint, factor * middle),
             color=PALETTE[i],
             label=f"$d_0 =${amplitude}",
             zorder=3.0 - 0.1 * i,
         )
     ax.plot(
         d,
-        joint.backbone(d),
+        _backbone(joint, d),
         color="black",
         linewidth=0.8,
         linestyle="--",
@@ -207,7 +225,7 @@ def _draw_secant(
     ax: Axes, joint: AbstractJoint, levels: np.ndarray, special: Landmark | None
 ) -> None:
     """Secant stiffness of the steady cycle."""
-    stiffness = np.asarray(joint.secant(levels))
+    stiffness = np.asarray(_secant(joint, levels))
     ax.semilogx(levels, stiffness, color=PALETTE[0])
     if special is not None:
         rising = bool(stiffness[-1] > stiffness[0])

@@ -1,0 +1,182 @@
+"""Measured curves and the fitted model that explains them, put together for drawing."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.curves import ModalCurves
+from iwanjax.quasistatic.modal import ModalOscillator
+
+if TYPE_CHECKING:
+    from iwanjax.updating.problem import AbstractProblem
+    from iwanjax.updating.solution import FitSolution
+
+# Amplitudes of a smooth line, and how far it goes beyond the measured ones.
+_LEVELS, _BEYOND = 300, 1.15
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """Curves that share their panels: all hits of an oscillator's mode, or one of a structure's.
+
+    Attributes
+    ----------
+    measured, held_out : tuple of ModalCurves
+        Hits that were fitted, and others.
+    explained : tuple of ModalCurves
+        The model at the amplitudes of both, in that order.
+    model : ModalCurves
+        The line to draw, with rising amplitudes and the fit's deviations.
+    shift : bool
+        Whether frequencies are compared up to an offset for each curve.
+    """
+
+    measured: tuple[ModalCurves, ...]
+    held_out: tuple[ModalCurves, ...]
+    explained: tuple[ModalCurves, ...]
+    model: ModalCurves
+    shift: bool
+
+    @property
+    def base(self) -> float:
+        """Frequency that the axis counts from, Hz."""
+        return float(np.asarray(self.model.frequency)[0]) if self.shift else 0.0
+
+    def aligned(self, i: int) -> np.ndarray:
+        """Frequency of hit i as it is compared with the model's, Hz."""
+        hit = (*self.measured, *self.held_out)[i]
+        frequency = np.asarray(hit.frequency)
+        return frequency + offset(hit, self.explained[i].frequency) if self.shift else frequency
+
+
+def columns_of(solution: "FitSolution", held_out: Sequence[ModalCurves] = ()) -> list[Column]:
+    """What is drawn together: everything for an oscillator, mode by mode for a structure."""
+    shift = solution.problem.reference == "shift"
+    if isinstance(solution.model, ModalOscillator):
+        theirs = tuple(_at(solution.model, each) for each in held_out)
+        line = _smooth(solution, (*solution.measured, *held_out))
+        explained = (*solution.predicted, *theirs)
+        return [Column(solution.measured, tuple(held_out), explained, line, shift)]
+    deviations = _deviations(solution)
+    columns = []
+    for curve, predicted, part in zip(
+        solution.measured, solution.predicted, solution.problem.measured.slices, strict=True
+    ):
+        held = tuple(
+            each for each in held_out if len(solution.measured) == 1 or each.name == curve.name
+        )
+        line = _ordered(predicted, *(std[part] for std in deviations))
+        explained = (predicted, *(_between(line, each) for each in held))
+        columns.append(Column((curve,), held, explained, line, shift))
+    return columns
+
+
+def offset(measured: ModalCurves, frequency: object) -> float:
+    """Weighted mean of a model's frequency less the measured one, Hz."""
+    difference = np.asarray(frequency) - np.asarray(measured.frequency)
+    known = np.isfinite(difference)
+    std = measured.frequency_std
+    weight = np.ones_like(difference) if std is None else 1.0 / np.asarray(std) ** 2
+    return float(np.average(difference[known], weights=weight[known])) if known.any() else 0.0
+
+
+def _at(model: ModalOscillator, curve: ModalCurves) -> ModalCurves:
+    """An oscillator at the amplitudes of a curve."""
+    f, zeta = model.frequency_and_damping(curve.as_quantity("displacement").amplitude)
+    return ModalCurves(
+        curve.amplitude, f, zeta, quantity=curve.quantity, unit=curve.unit, name=curve.name
+    )
+
+
+def _smooth(solution: "FitSolution", hits: Sequence[ModalCurves]) -> ModalCurves:
+    """An oscillator's line over the range of the hits, against what they measure."""
+    assert isinstance(solution.model, ModalOscillator)
+    q = np.concatenate([np.asarray(hit.as_quantity("displacement").amplitude) for hit in hits])
+    q = q[np.isfinite(q)]
+    at = jnp.geomspace(q.min() / _BEYOND, q.max() * _BEYOND, _LEVELS)
+    f, zeta = solution.model.frequency_and_damping(at)
+    f_std, zeta_std = _deviations(solution, at)
+    line = ModalCurves(
+        at, f, zeta, frequency_std=f_std, damping_std=zeta_std, quantity="displacement"
+    )
+    return line.as_quantity(hits[0].quantity, hits[0].unit)
+
+
+def _deviations(solution: "FitSolution", q: Array | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Deviations of a prediction from those of the parameters, linearised.
+
+    Not by draws from the parameters' normal: along the curved ridges of what the data leave
+    open these would leave the ridge, and the band would show what the data do exclude.
+    """
+    problem = solution.problem
+    theta = jnp.asarray([p.value for p in solution.parameters])
+    f, zeta = (np.asarray(slope) for slope in _slopes(problem, theta, q))
+    if problem.reference == "shift":
+        f = f - _common(
+            problem, f if q is None else np.asarray(_slopes(problem, theta, None)[0]), q
+        )
+    covariance = np.asarray(solution.covariance)
+    f_std, zeta_std = (
+        np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slope, covariance, slope), 0.0))
+        for slope in (f, zeta)
+    )
+    return f_std, zeta_std
+
+
+def _common(problem: "AbstractProblem", slopes: np.ndarray, q: Array | None) -> np.ndarray:
+    """What a parameter does to all measured frequencies alike, which an offset takes up."""
+    measured = problem.measured
+    weight = 1.0 / np.asarray(measured.frequency_std) ** 2
+    if q is not None:
+        return np.average(slopes, axis=0, weights=weight)
+    means = [
+        np.broadcast_to(np.average(slopes[part], axis=0, weights=weight[part]), slopes[part].shape)
+        for part in measured.slices
+    ]
+    return np.concatenate(means)
+
+
+@eqx.filter_jit
+def _slopes(problem: "AbstractProblem", theta: Array, q: Array | None) -> tuple[Array, Array]:
+    """Derivatives of frequency and damping, at displacements or the measured amplitudes."""
+
+    def predict(theta: Array) -> tuple[Array, Array]:
+        if q is None:
+            return problem.predict(theta)
+        model = problem.model(theta)
+        assert isinstance(model, ModalOscillator)
+        return model.frequency_and_damping(q)
+
+    return jax.jacfwd(predict)(theta)
+
+
+def _ordered(predicted: ModalCurves, f_std: np.ndarray, zeta_std: np.ndarray) -> ModalCurves:
+    """The same points in order of amplitude."""
+    rising = np.argsort(np.asarray(predicted.amplitude))
+    return ModalCurves(
+        np.asarray(predicted.amplitude)[rising],
+        np.asarray(predicted.frequency)[rising],
+        np.asarray(predicted.damping)[rising],
+        frequency_std=f_std[rising],
+        damping_std=zeta_std[rising],
+        quantity=predicted.quantity,
+        unit=predicted.unit,
+        name=predicted.name,
+    )
+
+
+def _between(line: ModalCurves, curve: ModalCurves) -> ModalCurves:
+    """A line at the amplitudes of a curve, NaN beyond its ends."""
+    x, at = np.log(np.asarray(line.amplitude)), np.log(np.asarray(curve.amplitude))
+    f, zeta = (
+        np.interp(at, x, np.asarray(y), left=math.nan, right=math.nan)
+        for y in (line.frequency, line.damping)
+    )
+    return ModalCurves(curve.amplitude, f, zeta, quantity=curve.quantity, unit=curve.unit)
