@@ -147,7 +147,7 @@ class Iwan4(AbstractIwan):
                   + \frac{F_S}{K_T\phi_{max}}\sin\theta_1\right]
 
         The integral's powers depend on chi alone, so that a level costs a square root per
-        node instead of a power. Within 1e-8 of K_T.
+        node instead of a power. Within 1e-7 of K_T.
 
         Parameters
         ----------

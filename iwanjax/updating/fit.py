@@ -163,8 +163,12 @@ def solve(
         rivals=sure.rivals,
         active_bounds=active,
         misfit=misfit,
-        misfit_frequency=float(np.sqrt(np.mean(f**2))),
-        misfit_damping=float(np.sqrt(np.mean(zeta**2))),
+        misfit_frequency=_rms(f),
+        misfit_damping=_rms(zeta),
+        frequency_rms=_rms(f * np.asarray(problem.measured.frequency_std)),
+        damping_rms=_rms(
+            zeta * np.asarray(problem.measured.damping_std / problem.measured.damping)
+        ),
         converged=bool(found.converged[best]) or bool(active),
         agreeing=int(np.sum(cost <= cost[best] * (1.0 + _SAME_COST) + _SAME_COST)),
         runs=cost.size,
@@ -191,6 +195,10 @@ def predicted_curves(
         )
         for each, part in zip(curves, problem.measured.slices, strict=True)
     )
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _draws(p: Parameter, random: np.random.Generator, count: int) -> np.ndarray:

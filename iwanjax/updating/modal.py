@@ -16,7 +16,7 @@ from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.structures.small import solve_spd
 from iwanjax.updating.parameters import Chart, Parameter, Transform
 from iwanjax.updating.priors import AbstractPrior, LogNormal, Normal, Uniform
-from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, unit_of
+from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, modal_unit
 
 # Deviation of the logarithm of a joint's strength and stiffness before the data: a factor
 # of four and a half either way.
@@ -248,11 +248,12 @@ def modal_parameters(
                 f"{kind.__name__}.{info.name} is in {info.dimension}, for which there is no "
                 f"scale in the curves; known: {', '.join(scales)}"
             )
-        found.append(joint_parameter(info, scales[info.dimension]))
+        unit = modal_unit(info.dimension, several[0])
+        found.append(_joint_parameter(info, scales[info.dimension], unit))
     return {p.name: p for p in found}
 
 
-def joint_parameter(info: ParameterInfo, scale: float, name: str = "") -> Parameter:
+def _joint_parameter(info: ParameterInfo, scale: float, unit: str) -> Parameter:
     """A joint's parameter in a fit, with a prior on the given scale."""
     low, high = info.usual or (info.lower, info.upper)
     prior: AbstractPrior
@@ -266,10 +267,10 @@ def joint_parameter(info: ParameterInfo, scale: float, name: str = "") -> Parame
         value = scale if info.dimension == "1" else 4.0 * scale
         transform, prior = "log", LogNormal(value, _WIDE)
     return Parameter(
-        name or info.name,
+        info.name,
         value,
         prior,
-        unit=unit_of(info.dimension),
+        unit=unit,
         meaning=info.meaning,
         lower=low,
         upper=high,

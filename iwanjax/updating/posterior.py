@@ -123,7 +123,7 @@ class Posterior:
         """
         tail = 0.5 * (1.0 - probability)
         problem = self.solution.problem
-        predict = jax.jit(lambda theta: jax.lax.map(problem.predict, theta))
+        predict = jax.jit(lambda theta: jax.lax.map(problem.shown, theta))
         f, zeta = (np.asarray(x) for x in predict(jnp.asarray(self.draws(count))))
         ends = [tail, 0.5, 1.0 - tail]
         return tuple(
@@ -143,8 +143,10 @@ class Posterior:
             head += f"at least {self.effective[least]:.0f} effective samples of each"
         else:
             head = (
-                f"posterior NOT LONG ENOUGH: it got to {self.effective[least]:.0f} effective "
-                f"samples of {least}, {self.wanted} were asked for; run it again to go on"
+                f"posterior NOT LONG ENOUGH: after {len(self.chain)} steps it got to "
+                f"{self.effective[least]:.0f} effective samples of {least} ({self.wanted} were "
+                f"asked for, from at least {_TRUSTED:.0f} autocorrelation times of "
+                f"{max(self.autocorrelation.values()):.0f} steps); raise most_steps to go on"
             )
         lines = [f"{head} (acceptance {self.acceptance:.2f})", ""]
         width = max(len(name) for name in self.names)

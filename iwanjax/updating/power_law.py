@@ -50,8 +50,8 @@ class Exponents:
         """The comparison in a sentence."""
         (p, p_std), (r, r_std) = self.frequency, self.damping
         numbers = (
-            f"Free power laws have exponents {p:.2f} ± {p_std:.2f} (frequency) and {r:.2f} ± "
-            f"{r_std:.2f} (damping)"
+            f"Free power laws have exponents {p:.3f} ± {p_std:.1g} (frequency) and {r:.3f} ± "
+            f"{r_std:.1g} (damping)"
         )
         if abs(self.apart) < _CLEAR:
             return f"{numbers}: equal within their deviations, as one Iwan joint in microslip wants"

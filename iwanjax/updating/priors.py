@@ -93,7 +93,9 @@ class Normal(AbstractPrior):
     std: Array = eqx.field(converter=real)
 
     def __check_init__(self) -> None:
-        """Hold the deviation against zero."""
+        """Hold the mean against infinity and the deviation against zero."""
+        if not is_traced(self.mean) and not np.isfinite(float(self.mean)):
+            raise InputError(f"Normal: mean = {self.mean:g}; expected a number")
         _check_positive("Normal", "std", self.std)
 
     def log_density(self, value: Float[Array, "..."]) -> Float[Array, "..."]:

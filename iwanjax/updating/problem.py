@@ -1,6 +1,7 @@
 """What a fit compares: measured curves, a model's prediction of them, the residuals."""
 
 import abc
+import re
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
@@ -145,32 +146,61 @@ class AbstractProblem(eqx.Module):
 
     def differences(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
         """Predicted less measured frequency and damping, over their deviations, (N,) each."""
-        f, zeta = self.predict(theta)
+        f, zeta = self.shown(theta)
         measured = self.measured
-        difference = f - measured.frequency
-        if self.reference == "shift":
-            weight = 1.0 / measured.frequency_std**2
-            # The offset that fits each curve best is its own: linear, so eliminated.
-            offsets = [
-                jnp.broadcast_to(
-                    jnp.sum(weight[part] * difference[part]) / jnp.sum(weight[part]),
-                    difference[part].shape,
-                )
-                for part in measured.slices
-            ]
-            difference = difference - jnp.concatenate(offsets)
         return (
-            difference / measured.frequency_std,
+            (f - measured.frequency) / measured.frequency_std,
             (zeta - measured.damping) / measured.damping_std,
         )
+
+    def shown(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
+        """The prediction as it is compared: without each curve's own offset for a shift."""
+        f, zeta = self.predict(theta)
+        if self.reference == "absolute":
+            return f, zeta
+        measured = self.measured
+        difference = f - measured.frequency
+        weight = 1.0 / measured.frequency_std**2
+        # The offset that fits each curve best is its own: linear, so eliminated.
+        offsets = [
+            jnp.broadcast_to(
+                jnp.sum(weight[part] * difference[part]) / jnp.sum(weight[part]),
+                difference[part].shape,
+            )
+            for part in measured.slices
+        ]
+        return f - jnp.concatenate(offsets), zeta
 
     def residuals(self, theta: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
         """All differences in one row, (2 N,)."""
         return jnp.concatenate(self.differences(theta))
 
 
+_MODAL_UNITS = {
+    "1": "",
+    "length": "{0}",
+    "force": "{0}/s^2",
+    "force/length": "1/s^2",
+    "force/length^3": "1/({0}^2 s^2)",
+    "force*time/length": "1/s",
+}
+
+
+def modal_unit(dimension: str, curves: ModalCurves) -> str:
+    """Unit of a joint's parameter per unit modal mass, from the curves' own unit.
+
+    A velocity in mm/s, say, has the force in mm/s^2; without a known unit of length the
+    dimension itself.
+    """
+    ending = {"velocity": r"/s", "acceleration": r"/s(\^2|²|2)"}.get(curves.quantity, "")
+    length = re.fullmatch(rf"(\w+){ending}", curves.unit)
+    if length is None or dimension not in _MODAL_UNITS:
+        return unit_of(dimension)
+    return _MODAL_UNITS[dimension].format(length.group(1))
+
+
 def unit_of(dimension: str) -> str:
-    """Label of a parameter in the units of the curves, which are not known further."""
+    """Label of a parameter in the units of the model, which are not known further."""
     return "" if dimension == "1" else dimension
 
 

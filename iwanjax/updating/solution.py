@@ -70,6 +70,10 @@ class FitSolution:
         their stated deviations.
     misfit_frequency, misfit_damping : float
         The same over each kind of data, per value.
+    frequency_rms : float
+        Root mean square of the frequency's residuals, Hz.
+    damping_rms : float
+        The same of the damping's, relative to the damping.
     converged : bool
         Whether the best run ended by its tolerance.
     agreeing : int
@@ -94,6 +98,8 @@ class FitSolution:
     misfit: float
     misfit_frequency: float
     misfit_damping: float
+    frequency_rms: float
+    damping_rms: float
     converged: bool
     agreeing: int
     runs: int
@@ -115,7 +121,14 @@ class FitSolution:
 
     def summary(self) -> str:
         """The result in words and numbers, for people."""
-        lines = [self._headline(), ""]
+        f = np.concatenate([np.asarray(curves.frequency) for curves in self.measured])
+        lines = [
+            self._headline(),
+            f"It follows the frequency within {self.frequency_rms:.2g} Hz rms "
+            f"({100 * self.frequency_rms / np.ptp(f):.2g} % of its range) and the damping within "
+            f"{100 * self.damping_rms:.2g} % rms.",
+            "",
+        ]
         width = max(len(name) for name in (*self.values, *self.derived))
         for p in self.parameters:
             lines.append(f"  {p.name:<{width}}  {self._told(p):<34}  {p.meaning}".rstrip())
