@@ -37,6 +37,7 @@ from iwanjax.signals.merge import MergedCurves
 from iwanjax.signals.ringdown import RingDown
 from iwanjax.structures import JointedStructure
 from iwanjax.updating.posterior import Posterior
+from iwanjax.updating.problem import modal_unit
 from iwanjax.updating.solution import FitSolution
 
 # A prediction this much worse than the hits repeat each other still counts as good.
@@ -51,7 +52,7 @@ _DERIVED = {
     "K_inf": ("force/length", "stiffness beside the joint"),
     "phi_max": ("length", "displacement from which all sliders slip"),
     "R": ("", "coefficient of the slider distribution"),
-    "S": ("", "strength of the slider distribution's Dirac share"),
+    "S": ("force/length", "strength of the slider distribution's Dirac share"),
 }
 
 
@@ -298,7 +299,7 @@ def _parameters(entry: FitEntry) -> Table:
     for name, (value, std) in s.derived.items():
         unit, meaning = _DERIVED.get(name, ("", "follows from the above"))
         told = (number(value), "one of several") if s.rivals else with_deviation(value, std)
-        rows.append((name, *told, unit, "–", meaning))
+        rows.append((name, *told, modal_unit(unit, s.measured[0]), "–", meaning))
     return Table(
         ("Parameter", "Value", "Deviation", "Unit", "Prior", "Meaning"),
         tuple(rows),
