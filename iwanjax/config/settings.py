@@ -30,7 +30,7 @@ class RingdownSettings(Section):
 
 
 class FitSettings(Section):
-    """The ``fit:`` section; as keywords what :func:`iwanjax.updating.fit` is asked for.
+    """The ``fit:`` section; as keywords what :func:`iwanjax.updating.estimate` is asked for.
 
     Attributes
     ----------

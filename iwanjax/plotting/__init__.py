@@ -15,8 +15,8 @@ from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.quasistatic import plot_qsma
 from iwanjax.plotting.ringdown import plot_merged, plot_ringdown
 from iwanjax.quasistatic import QsmaSolution
+from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
-from iwanjax.signals.ringdown import RingDown
 
 __all__ = [
     "plot",

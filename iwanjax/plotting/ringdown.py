@@ -19,8 +19,8 @@ from iwanjax.plotting.curves import (
     frequency_label,
 )
 from iwanjax.plotting.style import GREY, PALETTE, SINGLE_COLUMN, paper_style, set_up
+from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
-from iwanjax.signals.ringdown import RingDown
 
 _LIGHT, _UNUSED = "0.7", "0.9"
 # More samples than this make a vector graphic slow and look no different.
@@ -42,7 +42,7 @@ def plot_ringdown(ringdown: RingDown) -> Figure:
     Parameters
     ----------
     ringdown : RingDown
-        Result of :func:`iwanjax.signals.ringdown.ringdown`.
+        Result of :func:`iwanjax.signals.hilbert.ringdown`.
 
     Returns
     -------

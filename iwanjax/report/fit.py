@@ -33,8 +33,8 @@ from iwanjax.report.words import (
     rivals,
     with_deviation,
 )
+from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
-from iwanjax.signals.ringdown import RingDown
 from iwanjax.structures import JointedStructure
 from iwanjax.updating.posterior import Posterior
 from iwanjax.updating.problem import modal_unit

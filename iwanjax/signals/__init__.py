@@ -3,10 +3,10 @@
 from iwanjax.signals.contents import file_contents
 from iwanjax.signals.curves_file import read_curves
 from iwanjax.signals.filters import band_pass, modal_filter
+from iwanjax.signals.hilbert import RingDown, ringdown, ringdown_curves
 from iwanjax.signals.merge import MergedCurves, merge_curves
 from iwanjax.signals.readers import read_recording, read_recordings
 from iwanjax.signals.recording import Channel, Recording
-from iwanjax.signals.ringdown import RingDown, ringdown, ringdown_curves
 
 __all__ = [
     "Channel",

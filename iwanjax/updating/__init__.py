@@ -1,6 +1,6 @@
 """Updating: parameters, fits and posteriors from measured curves."""
 
-from iwanjax.updating.fit import fit
+from iwanjax.updating.estimate import fit
 from iwanjax.updating.modal import modal_parameters
 from iwanjax.updating.parameters import Parameter
 from iwanjax.updating.posterior import Band, Posterior, sample_posterior

@@ -20,7 +20,7 @@ from iwanjax.plotting import plot, plot_bands, plot_fit, plot_posterior
 from iwanjax.plotting.scales import Scale, symbol
 from iwanjax.plotting.style import PALETTE
 from iwanjax.quasistatic.modal import ModalOscillator
-from iwanjax.updating.fit import fit
+from iwanjax.updating.estimate import fit
 from iwanjax.updating.parameters import Chart, Parameter
 from iwanjax.updating.posterior import Posterior
 from iwanjax.updating.priors import LogNormal, LogUniform, Normal, Uniform

@@ -10,8 +10,8 @@ from matplotlib.patches import Rectangle
 
 import iwanjax as ij
 from iwanjax.plotting import plot, plot_merged, plot_ringdown
+from iwanjax.signals.hilbert import ringdown
 from iwanjax.signals.merge import merge_curves
-from iwanjax.signals.ringdown import ringdown
 
 RATE, BAND = 2000.0, (70.0, 140.0)
 

@@ -25,9 +25,9 @@ from iwanjax.report.words import (
     told,
     with_deviation,
 )
+from iwanjax.signals.hilbert import ringdown
 from iwanjax.signals.merge import merge_curves
-from iwanjax.signals.ringdown import ringdown
-from iwanjax.updating.fit import fit
+from iwanjax.updating.estimate import fit
 from iwanjax.updating.posterior import Posterior
 from iwanjax.updating.priors import LogNormal, Normal, Uniform
 

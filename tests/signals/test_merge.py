@@ -6,8 +6,8 @@ import scipy.io
 from numpy.testing import assert_allclose
 
 import iwanjax as ij
+from iwanjax.signals.hilbert import ringdown_curves
 from iwanjax.signals.merge import merge_curves
-from iwanjax.signals.ringdown import ringdown_curves
 
 HITS, LEVELS, CAMPAIGNS = 12, 20, 150
 # Deviations of one hit's estimates, Hz and 1.

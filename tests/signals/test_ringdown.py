@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import iwanjax as ij
 from iwanjax.curves import QUANTITIES
 from iwanjax.signals.filters import settling_time
-from iwanjax.signals.ringdown import ringdown, ringdown_curves
+from iwanjax.signals.hilbert import ringdown, ringdown_curves
 
 RATE = 2000.0
 BAND = (70.0, 140.0)
