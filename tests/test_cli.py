@@ -210,5 +210,6 @@ def test_as_a_process_of_its_own(study, tmp_path):
     assert (bad.returncode, bad.stdout) == (2, "")
     assert bad.stderr == (
         "study.yaml:1: nme: unknown key; expected one of name, model, recordings, qsma, modes, "
-        "bands, bounds, priors, values, fixed, ringdown, fit, ...; did you mean 'name'?\n"
+        "bands, bounds, priors, values, fixed, ringdown, fit, posterior, noise, hypotheses, "
+        "budget, seed; did you mean 'name'?\n"
     )

@@ -4,10 +4,8 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
-from jaxtyping import Array
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -145,19 +143,10 @@ def plot_joint(
     return figure
 
 
-# Compiled as wholes: operation by operation they would take seconds on first use.
-_backbone = eqx.filter_jit(lambda joint, d: joint.backbone(d))
+# Compiled as wholes: operation by operation they would take seconds on first use. Loops and
+# backbone are not: where the force drops they must round alike to touch.
 _secant = eqx.filter_jit(lambda joint, d: joint.secant(d))
 _dissipation = eqx.filter_jit(lambda joint, d: joint.dissipation(d))
-
-
-@eqx.filter_jit
-def _loop_of(joint: AbstractJoint, amplitude: Array) -> tuple[Array, Array]:
-    return joint.loop(amplitude, points=4 * _LEVELS)
-
-
-def _loop(joint: AbstractJoint, amplitude: float) -> tuple[Array, Array]:
-    return _loop_of(joint, jnp.asarray(amplitude))
 
 
 def _levels(amplitudes: ArrayLike | None, scale: float) -> np.ndarray:
@@ -194,7 +183,7 @@ def _draw_force(
         mark_amplitude(ax, special.deflection)
     if not lossy:
         d = np.union1d(-d, d)
-        ax.plot(d, _backbone(joint, d), color=PALETTE[0])
+        ax.plot(d, joint.backbone(d), color=PALETTE[0])
         return
     # Small loops lie on top: they may be no more than a part of the larger ones' flanks.
     for i, factor in enumerate(_LOOPS):
@@ -204,14 +193,14 @@ def _draw_force(
             else f"${factor:g}\\,{special.symbol}$"
         )
         ax.plot(
-            *_loop(joint, factor * middle),
+            *joint.loop(factor * middle, points=4 * _LEVELS),
             color=PALETTE[i],
             label=f"$d_0 =${amplitude}",
             zorder=3.0 - 0.1 * i,
         )
     ax.plot(
         d,
-        _backbone(joint, d),
+        joint.backbone(d),
         color="black",
         linewidth=0.8,
         linestyle="--",
