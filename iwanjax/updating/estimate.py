@@ -22,6 +22,8 @@ from iwanjax.updating.structural import structural_parameters, structural_proble
 _SAME_COST = 1e-3
 # and within this many units of chi^2 they explain the curves as well: two parameters' 95 %.
 _RIVAL = 6.0
+# Share of its range within which an estimate is on its bound.
+_ON_BOUND = 1e-5
 # Starts that are iterated upon.
 _RUNS = 16
 
@@ -96,7 +98,9 @@ def fit(
     several = [curves] if isinstance(curves, ModalCurves) else list(curves)
     if not several:
         raise InputError("fit: no curves; expected at least one ModalCurves")
-    others = dict(parameters or {})
+    if not isinstance(seed, int) or seed < 0:
+        raise InputError(f"fit: seed = {seed!r}; expected a whole number, not negative")
+    others = {} if parameters is None else parameters
     if isinstance(model, JointedStructure):
         known = structural_parameters(model, groups)
         row = replaced(tuple(known.values()), others)
@@ -140,9 +144,12 @@ def solve(
     if near_bounds(problem.chart, theta):
         theta = bounded(problem, theta)
         active = {
-            p.name: float(value)
+            p.name: bound
             for p, value in zip(parameters, theta, strict=True)
-            if not p.fixed and p.transform == "logit" and value in (p.lower, p.upper)
+            for bound in (p.lower, p.upper)
+            if not p.fixed
+            and np.isfinite(p.upper - p.lower)
+            and abs(value - bound) <= _ON_BOUND * (p.upper - p.lower)
         }
     final = tuple(
         dataclasses.replace(p, value=float(value))

@@ -231,6 +231,7 @@ def modal_parameters(
             unit="Hz",
             meaning="natural frequency at vanishing amplitude",
             lower=0.0,
+            transform="log",
         ),
         Parameter(
             "zeta_0",

@@ -1,7 +1,7 @@
 """Parameters that a fit moves: value, unit, bounds, transform, prior."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -76,6 +76,12 @@ class Parameter:
                 f"parameter {self.name}: value {self.value:g} lies outside its bounds "
                 f"[{self.lower:g}, {self.upper:g}]"
             )
+        one_sided = math.isfinite(self.lower) != math.isfinite(self.upper)
+        if one_sided and self.transform != "log":
+            raise InputError(
+                f"parameter {self.name}: bounds [{self.lower:g}, {self.upper:g}] are one-sided, "
+                "which only a log transform keeps; give both bounds"
+            )
 
 
 class Chart(eqx.Module):
@@ -98,7 +104,10 @@ class Chart(eqx.Module):
     value: Float[Array, " parameters"]
 
     def __init__(self, parameters: Sequence[Parameter]):
-        self.transforms = tuple(p.transform for p in parameters)
+        # Between two bounds a variable keeps them whatever transform was asked for.
+        self.transforms = tuple(
+            "logit" if math.isfinite(p.upper - p.lower) else p.transform for p in parameters
+        )
         self.free = tuple(i for i, p in enumerate(parameters) if not p.fixed)
         self.lower = real([p.lower for p in parameters])
         self.upper = real([p.upper for p in parameters])
@@ -110,7 +119,7 @@ class Chart(eqx.Module):
         for i, each in zip(self.free, z, strict=True):
             values[i] = each
             if self.transforms[i] == "log":
-                values[i] = jnp.exp(each)
+                values[i] = self.lower[i] + jnp.exp(each)
             elif self.transforms[i] == "logit":
                 values[i] = self.lower[i] + (self.upper[i] - self.lower[i]) * jax.nn.sigmoid(each)
         return jnp.stack(values)
@@ -121,7 +130,8 @@ class Chart(eqx.Module):
         for i in self.free:
             z.append(theta[i])
             if self.transforms[i] == "log":
-                z[-1] = jnp.log(jnp.maximum(theta[i], jnp.finfo(theta.dtype).tiny))
+                above = theta[i] - self.lower[i]
+                z[-1] = jnp.log(jnp.maximum(above, jnp.finfo(theta.dtype).tiny))
             elif self.transforms[i] == "logit":
                 share = (theta[i] - self.lower[i]) / (self.upper[i] - self.lower[i])
                 share = jnp.clip(share, _INSIDE, 1.0 - _INSIDE)
@@ -130,7 +140,7 @@ class Chart(eqx.Module):
 
 
 def replaced(
-    parameters: Sequence[Parameter], others: dict[str, Parameter]
+    parameters: Sequence[Parameter], others: Mapping[str, Parameter]
 ) -> tuple[Parameter, ...]:
     """The parameters with some of them exchanged by name.
 
@@ -140,7 +150,16 @@ def replaced(
         For a name that is not among them.
     """
     names = [p.name for p in parameters]
-    for name in others:
+    if not isinstance(others, Mapping):
+        raise InputError(
+            f"parameters: expected a mapping of names to Parameter, got {type(others).__name__}"
+        )
+    for name, other in others.items():
         if name not in names:
             raise InputError(f"no parameter is called {name!r}; there are {', '.join(names)}")
+        if not isinstance(other, Parameter) or other.name != name:
+            raise InputError(
+                f"parameters[{name!r}]: expected the Parameter of that name, changed by "
+                f"dataclasses.replace; got {other!r}"
+            )
     return tuple(others.get(p.name, p) for p in parameters)

@@ -198,9 +198,9 @@ def sample_posterior(
 
     The density is :class:`~iwanjax.updating.density.Density`: the curves' deviations times
     a scale that is inferred for each kind of data, and the parameters' priors. All walkers
-    are one vectorised, jitted evaluation; the moves are differential evolution, its jumps
-    between modes and snooker (ter Braak and Vrugt 2008), in variables in which the ridges
-    of microslip data are straight.
+    are one vectorised, jitted evaluation; the moves are differential evolution with its
+    jumps between modes (ter Braak 2006) and the stretch move, in variables in which the
+    ridges of microslip data are straight.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def sample_posterior(
     ) as bar:
         while not chain.enough and sampler.backend.iteration < most_steps:
             sampler.random_state = state.random_state
-            state = _walked(sampler, state)
+            state = _walked(sampler, state, min(_CHUNK, most_steps - sampler.backend.iteration))
             if kept:
                 kept.copy()
             chain = _Chain(sampler, effective)
@@ -280,9 +280,9 @@ def sample_posterior(
     )
 
 
-def _walked(sampler: emcee.EnsembleSampler, state: emcee.State) -> emcee.State:
-    """The state after one more chunk of steps."""
-    found = sampler.run_mcmc(state, _CHUNK, skip_initial_state_check=True)
+def _walked(sampler: emcee.EnsembleSampler, state: emcee.State, steps: int) -> emcee.State:
+    """The state after some more steps."""
+    found = sampler.run_mcmc(state, steps, skip_initial_state_check=True)
     if found is None:  # emcee's annotation allows for runs of no steps
         raise RuntimeError("emcee returned no state")
     return found
@@ -365,7 +365,8 @@ class _Kept:
 
 def _fingerprint(solution: FitSolution, walkers: int) -> str:
     """Of all that the density depends on."""
-    digest = hashlib.sha256(f"{walkers} {type(solution.problem).__name__}".encode())
+    static = jax.tree.structure(solution.problem)
+    digest = hashlib.sha256(f"{walkers} {static}".encode())
     for leaf in jax.tree.leaves(solution.problem):
         digest.update(np.ascontiguousarray(leaf, dtype=float).tobytes())
     for p in solution.parameters:
@@ -388,10 +389,11 @@ def _sampler(
         ]
         return np.concatenate(parts)
 
+    # Not the snooker: in emcee 3.1.6 it does not leave a normal distribution as it is.
     moves = [
-        (emcee.moves.DEMove(), 0.7),
+        (emcee.moves.DEMove(), 0.8),
         (emcee.moves.DEMove(gamma0=1.0), 0.1),
-        (emcee.moves.DESnookerMove(), 0.2),
+        (emcee.moves.StretchMove(), 0.1),
     ]
     return emcee.EnsembleSampler(
         walkers,

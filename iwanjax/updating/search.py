@@ -10,6 +10,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
+from iwanjax.errors import InputError
 from iwanjax.updating.parameters import Chart
 from iwanjax.updating.problem import AbstractProblem
 
@@ -127,7 +128,11 @@ def bounded(problem: AbstractProblem, theta: np.ndarray) -> np.ndarray:
 
 
 def _cost(problem: AbstractProblem, theta: np.ndarray) -> float:
-    return float(np.sum(np.asarray(problem.residuals(jnp.asarray(theta))) ** 2))
+    """Sum of squared residuals; infinite on a bound that has no model, as chi = -1."""
+    try:
+        return float(np.sum(np.asarray(problem.residuals(jnp.asarray(theta))) ** 2))
+    except InputError:
+        return np.inf
 
 
 def _boxed(chart: Chart) -> np.ndarray:

@@ -289,5 +289,5 @@ def _prior_deviation(p: Parameter) -> float:
     """
     draws = p.prior.draw(np.random.default_rng(0), _PRIOR_DRAWS)
     if p.transform == "log":
-        return float(np.std(np.log(draws)) * p.value)
+        return float(np.std(np.log(draws[draws > 0])) * p.value)
     return float(np.std(draws))
