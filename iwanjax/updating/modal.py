@@ -88,7 +88,9 @@ class ModalProblem(AbstractProblem):
         sizes = jnp.stack([jnp.linalg.norm(column) for column in columns])
         A = jnp.stack(columns) / sizes[:, None]
         b = jnp.concatenate([weight_f * omega**2, weight_z * measured.damping])
-        x = jnp.stack(solve_spd(list(A @ A.T), list(A @ b))) / sizes
+        normal, moment = A @ A.T, A @ b
+        rows = [[normal[i, j] for j in range(3)] for i in range(3)]
+        x = jnp.stack(solve_spd(rows, [moment[i] for i in range(3)])) / sizes
         strength = jnp.clip(x[1], 1e-3, 1e3)
         f_0 = jnp.sqrt(jnp.maximum(x[0] * scale, 0.25 * scale)) / (2.0 * math.pi)
         better = jnp.where(forces, theta * strength, theta).at[0].set(f_0).at[1].set(x[2])

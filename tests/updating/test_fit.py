@@ -262,23 +262,21 @@ def test_a_bound_that_is_not_near_changes_nothing():
         assert abs(found.values[name] - solution().values[name]) < 1e-2 * solution().std[name]
 
 
-def test_bounds_hold_whatever_the_transform():
+def test_a_bound_holds_where_another_transform_was_asked_for():
     f_0 = modal_parameters(ij.Iwan4, noisy(0))["f_0"]
-    found = fit("iwan4", noisy(0), {"f_0": replace(f_0, value=117.9, upper=117.95)})
-    assert found.values["f_0"] <= 117.95
+    bounded = replace(f_0, value=117.9, upper=117.95, transform="identity", lower=100.0)
+    found = fit("iwan4", noisy(0), known_joint() | {"f_0": bounded}, starts=4)
+    assert found.values["f_0"] == 117.95
+    assert found.active_bounds == {"f_0": 117.95}
 
 
-def test_a_drop_without_loss_never_ends_on_the_bound_that_is_open():
-    c = noisy(0)
-    flat = ij.ModalCurves(
-        c.amplitude,
-        c.frequency,
-        np.full(LEVELS, 4e-4),
-        frequency_std=c.frequency_std,
-        damping_std=np.full(LEVELS, 4e-6),
-        quantity="displacement",
-    )
-    assert -1.0 < fit("iwan4", flat).values["chi"] < 0.0
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_exponent_beside_a_bound_that_has_no_model(seed):
+    """At chi = -1 itself there is no joint; beside it chi is all but free."""
+    found = solution(seed, replace(TRUTH, chi=-0.9995))
+    assert -1.0 < found.values["chi"] < -0.9
+    assert found.misfit < 1.5
+    assert "chi" not in found.active_bounds
 
 
 def test_a_normal_prior_of_a_positive_parameter():
@@ -290,12 +288,16 @@ def test_a_normal_prior_of_a_positive_parameter():
 # --- fixed parameters, offsets, weights ---------------------------------------------------
 
 
-def test_fixed_parameters_stay_where_they_are():
+def known_joint():
     known = modal_parameters(ij.Iwan4, noisy(0))
-    fixed = {
+    return {
         name: replace(known[name], value=getattr(TRUTH, name), fixed=True)
         for name in ("F_S", "K_T", "chi", "beta")
     }
+
+
+def test_fixed_parameters_stay_where_they_are():
+    fixed = known_joint()
     found = fit("iwan4", noisy(0), fixed, starts=4)
     assert set(found.determined) == {"f_0", "zeta_0"}
     for name in fixed:
