@@ -22,7 +22,7 @@ def read_mat(path: Path, names: Sequence[str] | None) -> dict[str, Node]:
         warnings.simplefilter("ignore", MatReadWarning)
         held = (name for name, _, _ in scipy.io.whosmat(path) if not name.startswith("__"))
         chosen = wanted(held, names)
-        content = scipy.io.loadmat(path, variable_names=chosen)
+        content = scipy.io.loadmat(path, variable_names=chosen, spmatrix=False)
     return {name: _node(content[name]) for name in chosen}
 
 
