@@ -1,10 +1,13 @@
 """The verb: joint parameters from measured curves."""
 
 import dataclasses
+import math
+import numbers
 from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
@@ -15,13 +18,13 @@ from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.parameters import Parameter, replaced
 from iwanjax.updating.problem import AbstractProblem, Reference
 from iwanjax.updating.search import bounded, near_bounds, search
-from iwanjax.updating.solution import FitSolution, certainty
+from iwanjax.updating.solution import FitSolution, certainty, point
 from iwanjax.updating.structural import structural_parameters, structural_problem
 
 # Costs within this of each other are the same minimum.
 _SAME_COST = 1e-3
-# and within this many units of chi^2 they explain the curves as well: two parameters' 95 %.
-_RIVAL = 6.0
+# Chance that noise makes the best minimum, when the truth lies in another one.
+_CHANCE = 1e-3
 # Share of its range within which an estimate is on its bound.
 _ON_BOUND = 1e-5
 # Starts that are iterated upon.
@@ -93,12 +96,14 @@ def fit(
         When JAX computes in float32.
     """
     require_double_precision("fit")
-    if not isinstance(starts, int) or starts < 1:
+    if not isinstance(starts, numbers.Integral) or starts < 1:
         raise InputError(f"fit: starts = {starts!r}; expected a whole number, at least 1")
+    if reference not in (None, "absolute", "shift"):
+        raise InputError(f"fit: reference = {reference!r}; expected 'absolute' or 'shift'")
     several = [curves] if isinstance(curves, ModalCurves) else list(curves)
     if not several:
         raise InputError("fit: no curves; expected at least one ModalCurves")
-    if not isinstance(seed, int) or seed < 0:
+    if not isinstance(seed, numbers.Integral) or seed < 0:
         raise InputError(f"fit: seed = {seed!r}; expected a whole number, not negative")
     others = {} if parameters is None else parameters
     if isinstance(model, JointedStructure):
@@ -118,7 +123,7 @@ def fit(
             )
         row = replaced(tuple(modal_parameters(kind, several).values()), others)
         problem = modal_problem(kind, several, row, reference or "absolute")
-    return solve(problem, row, several, starts, seed)
+    return solve(problem, row, several, int(starts), int(seed))
 
 
 def solve(
@@ -139,7 +144,7 @@ def solve(
             "fit: no start gave finite residuals; are the amplitudes in the unit that the model "
             "is in?"
         )
-    theta = np.array(problem.to_values(found.z[best]))
+    theta = np.array(found.theta[best])
     active: dict[str, float] = {}
     if near_bounds(problem.chart, theta):
         theta = bounded(problem, theta)
@@ -155,12 +160,13 @@ def solve(
         dataclasses.replace(p, value=float(value))
         for p, value in zip(parameters, theta, strict=True)
     )
-    f, zeta = (np.asarray(x) for x in problem.differences(jnp.asarray(theta)))
+    there = point(problem, jnp.asarray(theta))
+    f, zeta = (np.asarray(x) for x in there.differences)
     freedom = max(1, f.size + zeta.size - len(problem.chart.free) + len(active))
     misfit = float(np.sqrt((np.sum(f**2) + np.sum(zeta**2)) / freedom))
-    as_good = cost <= cost[best] + _RIVAL * max(1.0, misfit) ** 2
-    rivals = np.stack([np.asarray(problem.to_values(z)) for z in found.z[as_good]])
-    sure = certainty(problem, final, tuple(active), misfit, rivals)
+    as_good = cost <= cost[best] + rival_cost(f.size) * max(1.0, misfit) ** 2
+    rivals = np.asarray(found.theta)[as_good]
+    sure = certainty(there, final, tuple(active), misfit, rivals)
     return FitSolution(
         parameters=final,
         covariance=sure.covariance,
@@ -181,16 +187,26 @@ def solve(
         runs=cost.size,
         model=problem.model(jnp.asarray(theta)),
         measured=tuple(curves),
-        predicted=predicted_curves(problem, theta, curves),
+        predicted=predicted_curves(problem, there.prediction, curves),
         problem=problem,
     )
 
 
+def rival_cost(levels: int) -> float:
+    r"""What another minimum may cost more, in units of chi^2, and still hold the truth.
+
+    A kink may lie between any two levels, and its place and size are two parameters: the
+    best of N places gains more than x from noise with a chance of about
+    :math:`N e^{-x/2}` (Bonferroni's bound for chi-square of two degrees).
+    """
+    return 2.0 * math.log(levels / _CHANCE)
+
+
 def predicted_curves(
-    problem: AbstractProblem, theta: np.ndarray, curves: Sequence[ModalCurves]
+    problem: AbstractProblem, prediction: tuple[Array, Array], curves: Sequence[ModalCurves]
 ) -> tuple[ModalCurves, ...]:
-    """What the model says at the amplitudes of the measured curves."""
-    f, zeta = problem.predict(jnp.asarray(theta))
+    """A prediction at the amplitudes of the measured curves."""
+    f, zeta = prediction
     return tuple(
         ModalCurves(
             each.amplitude,

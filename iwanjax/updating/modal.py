@@ -10,8 +10,8 @@ from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
-from iwanjax.joints import AbstractJoint, Iwan4, ParameterInfo
-from iwanjax.joints.iwan import phi_max_of
+from iwanjax.joints import AbstractJoint, ParameterInfo
+from iwanjax.joints.iwan import AbstractIwan, phi_max_of
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.structures.small import solve_spd
 from iwanjax.updating.parameters import Chart, Parameter, Transform
@@ -100,13 +100,13 @@ class ModalProblem(AbstractProblem):
         """Stiffness beside the joint and, of an Iwan joint, its slider distribution."""
         model = self.model(theta)
         found = {"K_inf": model.K_inf}
-        if isinstance(model.joint, Iwan4):
+        if isinstance(model.joint, AbstractIwan):
             found |= {"phi_max": model.joint.phi_max, "R": model.joint.R, "S": model.joint.S}
         return found
 
 
 class ModalIwanProblem(ModalProblem):
-    r"""The same with a four-parameter Iwan joint, in variables that suit microslip data.
+    r"""The same with an Iwan joint, in variables that suit microslip data.
 
     In microslip the curves know F_S, K_T, chi and beta only through chi and the drop of
     stiffness at some amplitude q_r,
@@ -120,20 +120,20 @@ class ModalIwanProblem(ModalProblem):
     q_ref: Array
 
     def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
-        """Parameters of (f_0, zeta_0, phi_max, c, chi, beta), each in its own transform."""
-        f_0, zeta_0, phi_max, drop, chi, beta = self.chart.to_values(z)
+        """Parameters of (f_0, zeta_0, phi_max, c, chi, beta, ...), each in its own transform."""
+        f_0, zeta_0, phi_max, drop, chi, beta, *kinetic = self.chart.to_values(z)
         n = chi + 2.0
         K_T = drop * n * (1.0 + beta) * (phi_max / self.q_ref) ** (n - 1.0)
         F_S = K_T * phi_max * (beta + (n - 1.0) / n) / (1.0 + beta)
-        return jnp.stack([f_0, zeta_0, F_S, K_T, chi, beta])
+        return jnp.stack([f_0, zeta_0, F_S, K_T, chi, beta, *kinetic])
 
     def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
         """The inverse of :meth:`to_values`."""
-        f_0, zeta_0, F_S, K_T, chi, beta = theta
+        f_0, zeta_0, F_S, K_T, chi, beta, *kinetic = theta
         n = chi + 2.0
         phi_max = phi_max_of(F_S, K_T, chi, beta)
         drop = K_T / (n * (1.0 + beta)) * (self.q_ref / phi_max) ** (n - 1.0)
-        return self.chart.to_variables(jnp.stack([f_0, zeta_0, phi_max, drop, chi, beta]))
+        return self.chart.to_variables(jnp.stack([f_0, zeta_0, phi_max, drop, chi, beta, *kinetic]))
 
     def spread(self, draws: np.ndarray) -> np.ndarray:
         """All but the first start with phi_max evenly over the measured range and beyond.
@@ -141,7 +141,7 @@ class ModalIwanProblem(ModalProblem):
         The curves have a kink at phi_max: each gap between measured amplitudes that it may
         lie in is a valley of its own, narrow beside that of microslip everywhere.
         """
-        K_T, chi, beta = draws.T[3:]
+        K_T, chi, beta = draws.T[3:6]
         q = np.log(np.asarray(self.measured.q))
         low, high = max(q.min(), q.max() - _RANGE_BELOW), q.max() + _RANGE_ABOVE
         phi_max = np.exp(np.linspace(low, high, len(draws) + 1)[1:])
@@ -177,7 +177,7 @@ def modal_problem(
         "names": tuple(p.name for p in parameters),
         "reference": reference,
     }
-    if kind is Iwan4 and unbounded and len(chart.free) == len(parameters):
+    if issubclass(kind, AbstractIwan) and unbounded and len(chart.free) == len(parameters):
         # Another variable than the parameter stands behind these two, but always positive.
         return ModalIwanProblem(**common, q_ref=jnp.exp(jnp.mean(jnp.log(measured.q))))
     return ModalProblem(**common)

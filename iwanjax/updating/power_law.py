@@ -15,6 +15,8 @@ from iwanjax.updating.problem import Measured
 # Exponents are looked for between these.
 _RANGE = (0.05, 5.0)
 _STARTS = (0.3, 0.6, 1.0, 1.5, 2.0)
+# Share of the range, and of the data's own, below which there is nothing to tell.
+_AT_END, _NO_TREND = 1e-3, 1e-6
 # Deviations apart from which two exponents differ.
 _CLEAR = 3.0
 
@@ -124,7 +126,17 @@ def _exponent(
         cost = float(np.sum((residual / std) ** 2))
         if best is None or cost < best[0]:
             rms = float(np.sqrt(np.mean(residual**2)))
-            best = (cost, float(found[2]), float(np.sqrt(covariance[2, 2])), rms)
+            best = (cost, float(found[2]), _deviation(found, covariance, start[1]), rms)
     if best is None:
         raise InputError("free_exponents: no power law fits the curves")
     return best[1:]
+
+
+def _deviation(found: np.ndarray, covariance: np.ndarray, scale: float) -> float:
+    """Of the exponent: where nothing rises or falls, or at an end, that of the whole range."""
+    low, high = _RANGE
+    whole = (high - low) / math.sqrt(12.0)
+    at_end = min(found[2] - low, high - found[2]) < _AT_END * (high - low)
+    if at_end or found[1] < _NO_TREND * scale:
+        return whole
+    return min(whole, float(np.sqrt(covariance[2, 2])))

@@ -14,11 +14,6 @@ from iwanjax.errors import InputError
 from iwanjax.updating.parameters import Chart
 from iwanjax.updating.problem import AbstractProblem
 
-with warnings.catch_warnings():
-    # jaxopt is no longer maintained and says so on import; this is its one place.
-    warnings.simplefilter("ignore", DeprecationWarning)
-    import jaxopt
-
 _MOST_STEPS = 200
 _TOLERANCE = 1e-7
 # Share of a range within which an estimate is taken to want to leave it.
@@ -32,15 +27,15 @@ class Search(NamedTuple):
 
     Attributes
     ----------
-    z : (runs, free) array
-        Variables.
+    theta : (runs, parameters) array
+        Parameters.
     cost : (runs,) array
         Sum of squared residuals; infinite where a run has broken down.
     converged : (runs,) array
         Whether a run ended by its tolerance.
     """
 
-    z: Float[Array, "runs free"]
+    theta: Float[Array, "runs parameters"]
     cost: Float[Array, " runs"]
     converged: Bool[Array, " runs"]
 
@@ -66,7 +61,11 @@ def search(problem: AbstractProblem, draws: Float[Array, "starts parameters"], r
         found = optx.least_squares(
             residuals, solver, z, args=problem, max_steps=_MOST_STEPS, throw=False
         )
-        return found.value, cost(found.value), found.result == optx.RESULTS.successful
+        return (
+            problem.to_values(found.value),
+            cost(found.value),
+            found.result == optx.RESULTS.successful,
+        )
 
     z = jax.vmap(lambda theta: problem.to_variables(problem.improved(theta)))(draws)
     costs = jax.vmap(cost)(z)
@@ -103,6 +102,11 @@ def bounded(problem: AbstractProblem, theta: np.ndarray) -> np.ndarray:
     -------
     (parameters,) array
     """
+    with warnings.catch_warnings():
+        # jaxopt is no longer maintained and says so on import; this is its one place, and
+        # here because it takes most of a second, which few fits need.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        import jaxopt
     boxed = _boxed(problem.chart)
     start = _to_box(problem.chart, jnp.asarray(theta))
     solver = jaxopt.ScipyBoundedLeastSquares(
@@ -130,9 +134,14 @@ def bounded(problem: AbstractProblem, theta: np.ndarray) -> np.ndarray:
 def _cost(problem: AbstractProblem, theta: np.ndarray) -> float:
     """Sum of squared residuals; infinite on a bound that has no model, as chi = -1."""
     try:
-        return float(np.sum(np.asarray(problem.residuals(jnp.asarray(theta))) ** 2))
+        return float(np.sum(np.asarray(_residuals(problem, jnp.asarray(theta))) ** 2))
     except InputError:
         return np.inf
+
+
+@eqx.filter_jit
+def _residuals(problem: AbstractProblem, theta: Array) -> Array:
+    return problem.residuals(theta)
 
 
 def _boxed(chart: Chart) -> np.ndarray:

@@ -1,7 +1,8 @@
 """What a fit has found, how sure it is, and what it could not find."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -61,8 +62,8 @@ class FitSolution:
     determined : dict of str to bool
         For each free parameter, whether the data narrow it to less than a third.
     rivals : dict of str to (float, float)
-        Range of each parameter that other minima which explain the curves as well (within
-        6 of chi^2) move by more than a third of its prior; such are not determined.
+        Range of each parameter over minima that noise may have made the worse ones, where
+        that is more than a third of its prior; such are not determined.
     active_bounds : dict of str to float
         Parameters that the data would move beyond a bound, and the bound.
     misfit : float
@@ -142,7 +143,7 @@ class FitSolution:
                 "it, and the other parameters pay for it.",
             ]
         if self.rivals:
-            lines += ["", "  Other minima explain the curves as well (within 6 of chi^2), with"]
+            lines += ["", "  Other minima explain the curves as well, to what noise can do, with"]
             lines += [f"    {k} from {a:.3g} to {b:.3g}" for k, (a, b) in self.rivals.items()]
         if self.undetermined:
             lines += ["", "  These curves do not determine:"]
@@ -202,18 +203,44 @@ class Certainty:
     determined: dict[str, bool]
 
 
+class Point(NamedTuple):
+    """All that a problem says at one set of parameters.
+
+    Attributes
+    ----------
+    prediction : two (N,) arrays
+        Frequency, Hz, and damping.
+    differences : two (N,) arrays
+        Less the measured ones, over their deviations.
+    slope : (2 N, parameters) array
+        Derivative of the differences.
+    derived, derived_slope : dict of str to array
+        What follows from the parameters, and its derivatives.
+    """
+
+    prediction: tuple[jax.Array, jax.Array]
+    differences: tuple[jax.Array, jax.Array]
+    slope: jax.Array
+    derived: Mapping[str, jax.Array]
+    derived_slope: Mapping[str, jax.Array]
+
+
 @eqx.filter_jit
-def _derivatives(problem: AbstractProblem, theta: jax.Array):
-    """Residuals' and derived quantities' derivatives with respect to the parameters."""
-    return (
-        jax.jacfwd(problem.residuals)(theta),
-        problem.derived(theta),
-        jax.jacfwd(lambda t: dict(problem.derived(t)))(theta),
-    )
+def point(problem: AbstractProblem, theta: jax.Array) -> Point:
+    """A problem at one set of parameters, in one compiled kernel."""
+
+    def residuals(t: jax.Array):
+        differences, derived = problem.differences(t), dict(problem.derived(t))
+        return (jnp.concatenate(differences), derived), (problem.predict(t), differences, derived)
+
+    (slope, derived_slope), (prediction, differences, derived) = jax.jacfwd(
+        residuals, has_aux=True
+    )(theta)
+    return Point(prediction, differences, slope, derived, derived_slope)
 
 
 def certainty(
-    problem: AbstractProblem,
+    there: Point,
     parameters: Sequence[Parameter],
     active: Sequence[str],
     misfit: float,
@@ -225,11 +252,9 @@ def certainty(
     say) and measured by the deviation its prior has there. ``rivals`` (minima, parameters)
     are other estimates that are as good.
     """
-    theta = jnp.asarray([p.value for p in parameters])
-    jacobian, derived, derived_slope = _derivatives(problem, theta)
     moving = [i for i, p in enumerate(parameters) if not p.fixed and p.name not in active]
     spread = np.array([_prior_deviation(parameters[i]) for i in moving])
-    scaled = np.asarray(jacobian)[:, moving] * spread / max(misfit, 1.0)
+    scaled = np.asarray(there.slope)[:, moving] * spread / max(misfit, 1.0)
     _, singular, rows = np.linalg.svd(scaled, full_matrices=False)
     # The prior, taken as normal, closes the directions that the data leave open.
     inverse = 1.0 / np.hypot(singular, 1.0)
@@ -260,7 +285,9 @@ def certainty(
                 float(np.sqrt(max(0.0, np.asarray(slope) @ covariance @ np.asarray(slope)))),
             )
             for (name, value), slope in zip(
-                derived.items(), (derived_slope[name] for name in derived), strict=True
+                there.derived.items(),
+                (there.derived_slope[name] for name in there.derived),
+                strict=True,
             )
         },
         undetermined,

@@ -130,7 +130,6 @@ def test_what_has_no_exponent_is_refused():
         free_exponents(laws(0.5, 0.5, amplitude=AMPLITUDE[:2]))
 
 
-@pytest.mark.xfail(raises=AssertionError, strict=True, reason="deviation of 0 where a = 0")
 def test_curves_without_any_trend_claim_no_exponent():
     """Noise about constants: some exponent is found, but not as a sharp one."""
     for seed in range(5):
