@@ -69,9 +69,9 @@ if TYPE_CHECKING:
         fit,
         free_exponents,
         modal_parameters,
-        sample_posterior,
         structural_parameters,
     )
+    from iwanjax.updating.sampling import sample_posterior
 
 __version__ = "0.1.0"
 
@@ -112,7 +112,7 @@ _LATER = {
     "fit": "iwanjax.updating",
     "free_exponents": "iwanjax.updating",
     "modal_parameters": "iwanjax.updating",
-    "sample_posterior": "iwanjax.updating",
+    "sample_posterior": "iwanjax.updating.sampling",
     "structural_parameters": "iwanjax.updating",
 }
 

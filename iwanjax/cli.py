@@ -130,9 +130,12 @@ def _run(verb: str, study: Path, out: Path) -> None:
     with _one_line_errors():
         _set_up()
         from iwanjax.config import load_study
+        from iwanjax.verbs.output import writable
 
         loaded = load_study(study)
-        for line in importlib.import_module(f"iwanjax.verbs.{verb}").run(loaded, out):
+        module = importlib.import_module(f"iwanjax.verbs.{verb}")
+        writable(out)
+        for line in module.run(loaded, out):
             typer.echo(line)
 
 
@@ -150,7 +153,7 @@ def _set_up() -> None:
     with contextlib.suppress(OSError):  # without a place for it kernels are compiled anew
         cache.mkdir(parents=True, exist_ok=True)
         jax.config.update("jax_compilation_cache_dir", str(cache))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.05)
     import matplotlib as mpl
 
     mpl.use("Agg")

@@ -143,10 +143,13 @@ def plot_joint(
     return figure
 
 
-# Compiled as wholes: operation by operation they would take seconds on first use. Loops and
-# backbone are not: where the force drops they must round alike to touch.
+# Compiled as wholes: operation by operation they would take seconds on first use.
 _secant = eqx.filter_jit(lambda joint, d: joint.secant(d))
 _dissipation = eqx.filter_jit(lambda joint, d: joint.dissipation(d))
+_backbone = eqx.filter_jit(lambda joint, d: joint.backbone(d))
+_loops = eqx.filter_jit(
+    lambda joint, amplitudes: jax.vmap(lambda a: joint.loop(a, points=4 * _LEVELS))(amplitudes)
+)
 
 
 def _levels(amplitudes: ArrayLike | None, scale: float) -> np.ndarray:
@@ -183,24 +186,27 @@ def _draw_force(
         mark_amplitude(ax, special.deflection)
     if not lossy:
         d = np.union1d(-d, d)
-        ax.plot(d, joint.backbone(d), color=PALETTE[0])
+        ax.plot(d, _backbone(joint, d), color=PALETTE[0])
         return
     # Small loops lie on top: they may be no more than a part of the larger ones' flanks.
-    for i, factor in enumerate(_LOOPS):
+    # The loop at a landmark ends just before it: rounding must not decide on which side.
+    tips = np.array(_LOOPS) * (middle if special is None else _around(special)[0])
+    curves = zip(*map(np.asarray, _loops(joint, tips)), strict=True)
+    for i, (factor, curve) in enumerate(zip(_LOOPS, curves, strict=True)):
         amplitude = (
             f"{factor * middle:.3g} {unit}".strip()
             if special is None
             else f"${factor:g}\\,{special.symbol}$"
         )
         ax.plot(
-            *joint.loop(factor * middle, points=4 * _LEVELS),
+            *curve,
             color=PALETTE[i],
             label=f"$d_0 =${amplitude}",
             zorder=3.0 - 0.1 * i,
         )
     ax.plot(
         d,
-        joint.backbone(d),
+        _backbone(joint, d),
         color="black",
         linewidth=0.8,
         linestyle="--",

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.ndimage import gaussian_filter
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
@@ -226,6 +225,8 @@ def _draw_pair(ax: Axes, scales: tuple[Scale, Scale], shown: tuple[np.ndarray, .
     """Areas that hold most of the draws of two parameters, and the estimate."""
     x, y = scales
     counts, _, _ = np.histogram2d(*shown, bins=(x.edges, y.edges))
+    from scipy.ndimage import gaussian_filter  # here, because it takes a third of a second
+
     smooth = gaussian_filter(counts, _SMOOTH, mode="nearest")
     levels = sorted({_level(smooth, share) for share in _CONTOURS})
     # The outer bins reach to the ends of the axes, so that areas do not stop short of a bound.

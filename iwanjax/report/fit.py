@@ -109,6 +109,9 @@ class FitEntry:
         Hits that were not fitted; plain tuples of the same fields are taken too.
     posterior : Posterior, optional
         Sampled from this fit on.
+    fit_picture, posterior_picture : bytes, optional
+        :func:`~iwanjax.plot_fit` and :func:`~iwanjax.plot_posterior` of these as PNG, where
+        they have been drawn already.
     """
 
     name: str
@@ -118,6 +121,8 @@ class FitEntry:
     exponents: Statement | None = None
     held_out: tuple[HeldOut, ...] = ()
     posterior: Posterior | None = None
+    fit_picture: bytes | None = None
+    posterior_picture: bytes | None = None
 
     def __post_init__(self) -> None:
         """Take plain tuples for held-out hits."""
@@ -220,6 +225,7 @@ def _figures(entry: FitEntry) -> list[tuple[str, bytes]]:
             "Measured and fitted frequency and damping; beneath each, measured less fitted over "
             "the stated deviation.",
             lambda: plot_fit(s, held),
+            entry.fit_picture,
         )
     ]
     if entry.posterior is not None and entry.posterior.chain.size:
@@ -233,6 +239,7 @@ def _figures(entry: FitEntry) -> list[tuple[str, bytes]]:
                 "Posterior of every parameter and of every pair. s_f and s_ζ are the factors on "
                 "the stated deviations of frequency and damping.",
                 lambda: plot_posterior(posterior),
+                entry.posterior_picture,
             ),
         ]
     merged = entry.merged
@@ -285,7 +292,11 @@ def _joint_figures(solution: FitSolution) -> list[tuple[str, bytes]]:
     return found
 
 
-def _pictured(caption: str, draw: Callable[[], Figure]) -> tuple[str, bytes]:
+def _pictured(
+    caption: str, draw: Callable[[], Figure], drawn: bytes | None = None
+) -> tuple[str, bytes]:
+    if drawn is not None:
+        return caption, drawn
     figure = draw()
     try:
         return caption, png(figure)

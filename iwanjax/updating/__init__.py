@@ -1,9 +1,13 @@
-"""Updating: parameters, fits and posteriors from measured curves."""
+"""Updating: parameters, fits and posteriors from measured curves.
+
+:func:`~iwanjax.updating.sampling.sample_posterior` stays in its module: emcee takes a second to
+import, which a fit does not need.
+"""
 
 from iwanjax.updating.estimate import fit
 from iwanjax.updating.modal import modal_parameters
 from iwanjax.updating.parameters import Parameter
-from iwanjax.updating.posterior import Band, Posterior, sample_posterior
+from iwanjax.updating.posterior import Band, Posterior
 from iwanjax.updating.power_law import Exponents, free_exponents
 from iwanjax.updating.priors import (
     PRIORS,
@@ -32,6 +36,5 @@ __all__ = [
     "fit",
     "free_exponents",
     "modal_parameters",
-    "sample_posterior",
     "structural_parameters",
 ]

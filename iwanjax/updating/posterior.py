@@ -1,38 +1,22 @@
-"""What the data say of the parameters, sampled by emcee."""
+"""What the data say of the parameters: the chain of a posterior, its intervals and bands."""
 
-import hashlib
-import shutil
-import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import emcee
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tqdm import tqdm
 
 from iwanjax.errors import InputError
-from iwanjax.updating.density import (
-    NOISE_SCALES,
-    Density,
-    log_densities,
-    log_scale,
-    spread_of,
-    values_of,
-)
+from iwanjax.updating.problem import AbstractProblem
 from iwanjax.updating.solution import FitSolution
 
 if TYPE_CHECKING:
     import arviz  # pyright: ignore[reportMissingImports]
 
-# Steps between looks at the autocorrelation, which are also those between copies on disk.
-_CHUNK = 250
-# Autocorrelation times that a chain has to be long for the estimate of it to be trusted,
-# and that are thrown away at its beginning.
-_TRUSTED, _BURNT = 40.0, 8.0
-_GROUP = "posterior"
+TRUSTED = 40.0
+"""Autocorrelation times that a chain has to be long for the estimate of it to be trusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +107,7 @@ class Posterior:
         """
         tail = 0.5 * (1.0 - probability)
         problem = self.solution.problem
-        predict = jax.jit(lambda theta: jax.lax.map(problem.shown, theta))
-        f, zeta = (np.asarray(x) for x in predict(jnp.asarray(self.draws(count))))
+        f, zeta = (np.asarray(x) for x in _shown(problem, jnp.asarray(self.draws(count))))
         ends = [tail, 0.5, 1.0 - tail]
         return tuple(
             Band(
@@ -145,7 +128,7 @@ class Posterior:
             head = (
                 f"posterior NOT LONG ENOUGH: after {len(self.chain)} steps it got to "
                 f"{self.effective[least]:.0f} effective samples of {least} ({self.wanted} were "
-                f"asked for, from at least {_TRUSTED:.0f} autocorrelation times of "
+                f"asked for, from at least {TRUSTED:.0f} autocorrelation times of "
                 f"{max(self.autocorrelation.values()):.0f} steps); raise most_steps to go on"
             )
         lines = [f"{head} (acceptance {self.acceptance:.2f})", ""]
@@ -184,267 +167,7 @@ class Posterior:
         return arviz.from_dict({"posterior": values})
 
 
-def sample_posterior(
-    solution: FitSolution,
-    *,
-    effective: int = 1000,
-    walkers: int = 48,
-    most_steps: int = 20_000,
-    seed: int = 0,
-    file: str | Path | None = None,
-    progress: bool = False,
-) -> Posterior:
-    """Sample the parameters' posterior from a fit on (emcee: Foreman-Mackey et al. 2013).
-
-    The density is :class:`~iwanjax.updating.density.Density`: the curves' deviations times
-    a scale that is inferred for each kind of data, and the parameters' priors. All walkers
-    are one vectorised, jitted evaluation; the moves are differential evolution with its
-    jumps between modes (ter Braak 2006) and the stretch move, in variables in which the
-    ridges of microslip data are straight.
-
-    Parameters
-    ----------
-    solution : FitSolution
-        Where the walkers start; its parameters' priors count.
-    effective : int
-        Independent samples wanted of every parameter.
-    walkers : int
-        Even, and at least twice the number of free parameters plus 4.
-    most_steps : int
-        Where to stop in any case.
-    seed : int
-        Of the walk.
-    file : str or Path, optional
-        HDF5 file (emcee's own layout) that the chain is kept in. A walk that was
-        interrupted, by kill -9 even, goes on from its last copy when called again.
-    progress : bool
-        Whether to show a progress bar on stderr.
-
-    Returns
-    -------
-    Posterior
-        With ``enough`` False where the steps did not suffice.
-
-    Raises
-    ------
-    InputError
-        For too few walkers, or a file that belongs to another fit.
-    """
-    problem = solution.problem
-    density = Density.of(problem, solution.parameters)
-    size = len(problem.chart.free) + 2
-    if walkers % 2 or walkers < 2 * size:
-        raise InputError(
-            f"sample_posterior: walkers = {walkers}; expected an even number, at least {2 * size}"
-        )
-    kept = _Kept(Path(file), solution, walkers, size) if file is not None else None
-    sampler = _sampler(density, walkers, size, kept)
-    state = kept.state(sampler.backend) if kept else None
-    if state is None:
-        np_random = np.random.default_rng(seed)
-        state = emcee.State(
-            _starts(density, solution, walkers, np_random),
-            random_state=np.random.RandomState(seed).get_state(),
-        )
-    chain = _Chain(sampler, effective)
-    with tqdm(
-        total=effective, disable=not progress, file=sys.stderr, desc="effective samples"
-    ) as bar:
-        while not chain.enough and sampler.backend.iteration < most_steps:
-            sampler.random_state = state.random_state
-            state = _walked(sampler, state, min(_CHUNK, most_steps - sampler.backend.iteration))
-            if kept:
-                kept.copy()
-            chain = _Chain(sampler, effective)
-            bar.n = min(effective, int(chain.effective.min()))
-            bar.refresh()
-    log_density = np.asarray(sampler.get_log_prob(discard=chain.burnt))
-    acceptance = float(np.mean(sampler.acceptance_fraction))
-    if kept:
-        kept.close()
-    names = tuple(solution.parameters[i].name for i in problem.chart.free) + NOISE_SCALES
-    flat = chain.kept.reshape(-1, size)
-    theta = np.asarray(values_of(problem, jnp.asarray(flat[:, :-2])))
-    values = np.concatenate([theta[:, list(problem.chart.free)], np.exp(flat[:, -2:])], axis=1)
-    return Posterior(
-        names=names,
-        chain=values.reshape(chain.kept.shape),
-        log_density=log_density,
-        autocorrelation=dict(zip(names, chain.tau.tolist(), strict=True)),
-        effective=dict(zip(names, chain.effective.tolist(), strict=True)),
-        wanted=effective,
-        enough=chain.enough,
-        acceptance=acceptance,
-        burnt=chain.burnt,
-        solution=solution,
-    )
-
-
-def _walked(sampler: emcee.EnsembleSampler, state: emcee.State, steps: int) -> emcee.State:
-    """The state after some more steps."""
-    found = sampler.run_mcmc(state, steps, skip_initial_state_check=True)
-    if found is None:  # emcee's annotation allows for runs of no steps
-        raise RuntimeError("emcee returned no state")
-    return found
-
-
-class _Chain:
-    """How far a chain has come."""
-
-    def __init__(self, sampler: emcee.EnsembleSampler, wanted: int):
-        steps, size = sampler.backend.iteration, sampler.ndim
-        self.tau = np.full(size, np.inf)
-        self.effective, self.burnt, self.enough = np.zeros(size), 0, False
-        self.kept = np.empty((0, sampler.nwalkers, size))
-        if not steps:
-            return
-        whole = np.asarray(sampler.get_chain())
-        for _ in range(2):  # The beginning is thrown away before the time is measured again.
-            tau = emcee.autocorr.integrated_time(whole[self.burnt :], tol=0, quiet=True)
-            self.tau = np.where(np.isfinite(tau) & (tau > 0), tau, steps)
-            self.burnt = int(min(0.5 * steps, _BURNT * self.tau.max()))
-        self.kept = whole[self.burnt :]
-        self.effective = self.kept.shape[0] * self.kept.shape[1] / self.tau
-        long = self.kept.shape[0] > _TRUSTED * self.tau.max()
-        self.enough = bool(long and np.all(self.effective >= wanted))
-
-
-class _Kept:
-    """The chain on disk: a working file, and a whole copy after every chunk of steps.
-
-    A process killed while it writes may leave the working file unreadable, never the copy.
-    """
-
-    def __init__(self, path: Path, solution: FitSolution, walkers: int, size: int):
-        self.path, self.working = path, path.with_name(f".{path.name}.working")
-        self.fingerprint = _fingerprint(solution, walkers)
-        self.shape = (walkers, size)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self.found = path.exists()
-        if self.found:
-            self._check()
-            shutil.copyfile(path, self.working)
-        else:
-            self.working.unlink(missing_ok=True)
-
-    def _check(self) -> None:
-        import h5py
-
-        try:
-            with h5py.File(self.path, "r") as file:
-                known = file[_GROUP].attrs.get("fingerprint", "")
-        except (OSError, KeyError):
-            raise InputError(
-                f"{self.path}: is not a chain of iwanjax; remove it or name another file"
-            ) from None
-        if known != self.fingerprint:
-            raise InputError(
-                f"{self.path}: holds the chain of another fit (other data, parameters, priors or "
-                "walkers); remove it or name another file"
-            )
-
-    def backend(self) -> emcee.backends.HDFBackend:
-        backend = emcee.backends.HDFBackend(str(self.working), name=_GROUP)
-        if not self.found:
-            backend.reset(*self.shape)
-            with backend.open("a") as file:
-                file[_GROUP].attrs["fingerprint"] = self.fingerprint
-        return backend
-
-    def state(self, backend: emcee.backends.Backend) -> emcee.State | None:
-        return backend.get_last_sample() if self.found and backend.iteration else None
-
-    def copy(self) -> None:
-        whole = self.path.with_name(f".{self.path.name}.copy")
-        shutil.copyfile(self.working, whole)
-        whole.replace(self.path)
-
-    def close(self) -> None:
-        self.working.unlink(missing_ok=True)
-
-
-def _fingerprint(solution: FitSolution, walkers: int) -> str:
-    """Of all that the density depends on."""
-    static = jax.tree.structure(solution.problem)
-    digest = hashlib.sha256(f"{walkers} {static}".encode())
-    for leaf in jax.tree.leaves(solution.problem):
-        digest.update(np.ascontiguousarray(leaf, dtype=float).tobytes())
-    for p in solution.parameters:
-        # The estimate itself only says where a walk starts.
-        prior = ", ".join(f"{leaf}" for leaf in jax.tree.leaves(p.prior))
-        digest.update(f"{p.name} {p.fixed} {type(p.prior).__name__} {prior}".encode())
-    return digest.hexdigest()
-
-
-def _sampler(
-    density: Density, walkers: int, size: int, kept: _Kept | None
-) -> emcee.EnsembleSampler:
-    """Vectorised over half of the walkers, which is what the moves ask for at a time."""
-    half = walkers // 2
-
-    def evaluate(y: np.ndarray) -> np.ndarray:
-        parts = [
-            np.asarray(log_densities(density, jnp.asarray(y[i : i + half])))
-            for i in range(0, len(y), half)
-        ]
-        return np.concatenate(parts)
-
-    # Not the snooker: in emcee 3.1.6 it does not leave a normal distribution as it is.
-    moves = [
-        (emcee.moves.DEMove(), 0.8),
-        (emcee.moves.DEMove(gamma0=1.0), 0.1),
-        (emcee.moves.StretchMove(), 0.1),
-    ]
-    return emcee.EnsembleSampler(
-        walkers,
-        size,
-        evaluate,
-        vectorize=True,
-        moves=moves,
-        backend=kept.backend() if kept else None,
-    )
-
-
-def _starts(
-    density: Density, solution: FitSolution, walkers: int, random: np.random.Generator
-) -> np.ndarray:
-    """Walkers about the estimate with its own covariance, all where the density is not zero."""
-    problem = solution.problem
-    free = list(problem.chart.free)
-    theta = jnp.asarray([p.value for p in solution.parameters])
-    center = np.asarray(problem.to_variables(theta))
-    values, vectors = np.linalg.eigh(solution.covariance[np.ix_(free, free)])
-    root = jnp.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-    spread = np.asarray(spread_of(problem, theta, root))
-    scales = [log_scale(solution.misfit_frequency), log_scale(solution.misfit_damping)]
-    found = np.empty((0, len(free) + 2))
-    # On a bound the variable is far out: start where the slope of its map still counts.
-    center = np.clip(center, *_reach(solution))
-    shrink = 1.0
-    while len(found) < walkers:
-        z = center + shrink * random.standard_normal((walkers, len(free))) @ spread.T
-        z = z + 1e-3 * random.standard_normal(z.shape) * _on_bound(solution)
-        y = np.concatenate([z, scales + 0.1 * random.standard_normal((walkers, 2))], axis=1)
-        half = walkers // 2
-        log = np.concatenate(
-            [np.asarray(log_densities(density, jnp.asarray(part))) for part in (y[:half], y[half:])]
-        )
-        found = np.concatenate([found, y[np.isfinite(log)]])
-        shrink *= 0.7
-        if shrink < 1e-6:
-            raise InputError(
-                "sample_posterior: the density is zero about the fit; does a prior exclude it?"
-            )
-    return found[:walkers]
-
-
-def _on_bound(solution: FitSolution) -> np.ndarray:
-    """1e3 for free variables whose parameter rests on a bound, else 0."""
-    free = solution.problem.chart.free
-    return np.array([1e3 * (solution.parameters[i].name in solution.active_bounds) for i in free])
-
-
-def _reach(solution: FitSolution) -> tuple[np.ndarray, np.ndarray]:
-    """How far out a variable may start: those of parameters on a bound not beyond 3."""
-    limit = np.where(_on_bound(solution) > 0, 3.0, np.inf)
-    return -limit, limit
+@eqx.filter_jit
+def _shown(problem: AbstractProblem, theta: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Predictions of many parameter vectors, as they are compared with the data."""
+    return jax.lax.map(problem.shown, theta)

@@ -9,7 +9,7 @@ import numpy as np
 from iwanjax.config import Study
 from iwanjax.plotting import plot_fit
 from iwanjax.report.fit import FitEntry, fit_report
-from iwanjax.updating import FitSolution, Posterior
+from iwanjax.updating import FitSolution
 from iwanjax.verbs.fitted import Fitted, fits
 from iwanjax.verbs.measured import measured_modes
 from iwanjax.verbs.output import (
@@ -27,18 +27,20 @@ def run(study: Study, out: Path) -> list[str]:
     """Write fit.json, fit.npz, pictures and report.html; lines for the screen."""
     found = fits(study, measured_modes(study))
     with results(out) as folder:
-        write_fits(study, found, folder)
-        (folder / "report.html").write_text(report(study, found), encoding="utf-8")
+        pictures = write_fits(study, found, folder)
+        page = fit_report(study.name, entries(found, pictures))
+        (folder / "report.html").write_text(page, encoding="utf-8")
     lines = [line for each in found for line in screen_lines(each)]
     return [*lines, f"wrote {out / 'report.html'}"]
 
 
-def write_fits(study: Study, found: Sequence[Fitted], folder: Path) -> None:
-    """fit.json, fit.npz and a picture of each fit."""
+def write_fits(study: Study, found: Sequence[Fitted], folder: Path) -> list[bytes]:
+    """fit.json, fit.npz and a picture of each fit, which is returned."""
     arrays: dict[str, np.ndarray] = {}
+    pictures = []
     for label, each in zip(file_names(f.name for f in found), found, strict=True):
         held_out = [row.curves for row in each.held_out if row.curves is not None]
-        save(plot_fit(each.solution, held_out), folder / f"fit_{label}.png")
+        pictures.append(save(plot_fit(each.solution, held_out), folder / f"fit_{label}.png"))
         solution = each.solution
         arrays[f"{label}_covariance"] = solution.covariance
         for i, pair in enumerate(zip(solution.measured, solution.predicted, strict=True)):
@@ -50,16 +52,17 @@ def write_fits(study: Study, found: Sequence[Fitted], folder: Path) -> None:
         folder / "fit.json",
         {"study": study.name, "iwanjax": version(), "fits": [_told(each) for each in found]},
     )
+    return pictures
 
 
-def report(study: Study, found: Sequence[Fitted], posteriors: Sequence[Posterior] = ()) -> str:
-    """The page about a study's fits."""
-    entries = []
-    for i, each in enumerate(found):
+def entries(found: Sequence[Fitted], pictures: Sequence[bytes]) -> list[FitEntry]:
+    """A study's fits for its report, with their pictures."""
+    rows = []
+    for each, picture in zip(found, pictures, strict=True):
         mode = each.modes[0]
         single = len(each.modes) == 1
         ringdowns = tuple(hit.ringdown for hit in mode.hits if hit.ringdown is not None)
-        entries.append(
+        rows.append(
             FitEntry(
                 each.name,
                 each.solution,
@@ -67,10 +70,10 @@ def report(study: Study, found: Sequence[Fitted], posteriors: Sequence[Posterior
                 mode.merged if single else None,
                 each.exponents,
                 each.held_out,
-                posteriors[i] if posteriors else None,
+                fit_picture=picture,
             )
         )
-    return fit_report(study.name, entries)
+    return rows
 
 
 def screen_lines(each: Fitted) -> list[str]:

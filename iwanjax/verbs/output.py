@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+import os
 import re
 import sys
 import tempfile
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.report.page import png
 
 _CURVES = (
     "amplitude",
@@ -30,6 +32,20 @@ _CURVES = (
 def version() -> str:
     """The package's version; it is loaded before any verb is."""
     return sys.modules["iwanjax"].__version__
+
+
+def writable(folder: Path) -> None:
+    """Refuse a folder that cannot be written, before anything is computed.
+
+    Raises
+    ------
+    InputError
+    """
+    nearest = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not nearest.is_dir():
+        raise _no_folder(folder, f"{nearest} is a file")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise _no_folder(folder, "no permission")
 
 
 @contextlib.contextmanager
@@ -48,10 +64,14 @@ def results(folder: Path) -> Iterator[Path]:
             for file in sorted(Path(temporary).iterdir()):
                 file.replace(folder / file.name)
     except OSError as error:
-        raise InputError(
-            f"--out {folder}: cannot be written ({error.strerror or error}); expected a folder, "
-            "existing or new, with room and permission"
-        ) from None
+        raise _no_folder(folder, error.strerror or str(error)) from None
+
+
+def _no_folder(folder: Path, why: str) -> InputError:
+    return InputError(
+        f"--out {folder}: cannot be written ({why}); expected a folder, existing or new, with room "
+        "and permission"
+    )
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
@@ -78,10 +98,12 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     np.savez(path, allow_pickle=False, **arrays)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """A figure as PNG, and closed."""
-    figure.savefig(path, dpi=150)
+def save(figure: Figure, path: Path) -> bytes:
+    """A figure as PNG, and closed; what the file holds, for a report."""
+    contents = png(figure)
     plt.close(figure)
+    path.write_bytes(contents)
+    return contents
 
 
 def file_names(labels: Iterable[str]) -> list[str]:

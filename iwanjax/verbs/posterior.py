@@ -1,5 +1,6 @@
 """The verb ``posterior``: what a study's recordings say of the parameters, sampled."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +8,10 @@ import numpy as np
 
 from iwanjax.config import Study
 from iwanjax.plotting import plot_posterior
-from iwanjax.updating import Posterior, sample_posterior
-from iwanjax.verbs.fit import report, write_fits
+from iwanjax.report.fit import fit_report
+from iwanjax.updating import Posterior
+from iwanjax.updating.sampling import sample_posterior
+from iwanjax.verbs.fit import entries, write_fits
 from iwanjax.verbs.fitted import fits
 from iwanjax.verbs.measured import measured_modes
 from iwanjax.verbs.output import file_names, results, save, version, write_arrays, write_json
@@ -32,10 +35,14 @@ def run(study: Study, out: Path) -> list[str]:
             )
             for label, each in zip(labels, found, strict=True)
         ]
-        write_fits(study, found, folder)
+        rows = []
+        pictures = write_fits(study, found, folder)
         arrays: dict[str, np.ndarray] = {}
-        for label, posterior in zip(labels, posteriors, strict=True):
-            save(plot_posterior(posterior), folder / f"posterior_{label}.png")
+        for label, posterior, entry in zip(
+            labels, posteriors, entries(found, pictures), strict=True
+        ):
+            drawn = save(plot_posterior(posterior), folder / f"posterior_{label}.png")
+            rows.append(replace(entry, posterior=posterior, posterior_picture=drawn))
             arrays[f"{label}_names"] = np.array(posterior.names)
             arrays[f"{label}_chain"] = posterior.chain
             arrays[f"{label}_log_density"] = posterior.log_density
@@ -51,7 +58,7 @@ def run(study: Study, out: Path) -> list[str]:
                 ],
             },
         )
-        (folder / "report.html").write_text(report(study, found, posteriors), encoding="utf-8")
+        (folder / "report.html").write_text(fit_report(study.name, rows), encoding="utf-8")
     lines = []
     for each, posterior in zip(found, posteriors, strict=True):
         first, *others = posterior.summary().splitlines()

@@ -16,7 +16,8 @@ from modal_ringdown import FOLDER, make_hits
 from updating.simulated import NAMES, TRUTH, clean, noisy, ringdown_of, steady_cycle
 
 import iwanjax as ij
-from iwanjax.updating import fit, sample_posterior
+from iwanjax.updating import fit
+from iwanjax.updating.sampling import sample_posterior
 
 LONG = os.environ.get("IWANJAX_LONG") == "1"
 DATA_SETS = 100 if LONG else 20

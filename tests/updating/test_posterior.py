@@ -19,8 +19,9 @@ from updating.simulated import LEVELS, NAMES, TRUTH, clean, noisy
 
 import iwanjax as ij
 from iwanjax.errors import InputError
-from iwanjax.updating import LogNormal, fit, modal_parameters, sample_posterior
+from iwanjax.updating import LogNormal, fit, modal_parameters
 from iwanjax.updating.density import Density, log_densities
+from iwanjax.updating.sampling import sample_posterior
 
 # Errors of Monte Carlo means are compared with so many of their own deviations.
 SIGMAS = 4.0
@@ -291,7 +292,7 @@ CHILD = """
 import pickle, sys
 import jax
 jax.config.update("jax_enable_x64", True)
-from iwanjax.updating import sample_posterior
+from iwanjax.updating.sampling import sample_posterior
 with open(sys.argv[1], "rb") as stored:
     solution = pickle.load(stored)
 sample_posterior(
