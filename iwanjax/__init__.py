@@ -15,6 +15,7 @@ from iwanjax.joints import (
     Jenkins,
     LinearSpring,
     PowerLawDamping,
+    hysteresis,
     register_joint,
 )
 from iwanjax.quasistatic import ModalOscillator, QsmaSolution, qsma, work_dissipation
@@ -31,6 +32,11 @@ if TYPE_CHECKING:
     from iwanjax.config import (
         Study,
         load_study,
+    )
+    from iwanjax.dynamics import (
+        Energies,
+        Transient,
+        simulate,
     )
     from iwanjax.plotting import (
         plot,
@@ -80,6 +86,9 @@ __version__ = "0.1.0"
 _LATER = {
     "Study": "iwanjax.config",
     "load_study": "iwanjax.config",
+    "Energies": "iwanjax.dynamics",
+    "Transient": "iwanjax.dynamics",
+    "simulate": "iwanjax.dynamics",
     "plot": "iwanjax.plotting",
     "plot_bands": "iwanjax.plotting",
     "plot_curves": "iwanjax.plotting",
@@ -121,6 +130,7 @@ __all__ = [
     "Channel",
     "CubicSpring",
     "Dashpot",
+    "Energies",
     "Exponents",
     "FitSolution",
     "Gap",
@@ -148,10 +158,12 @@ __all__ = [
     "Result",
     "RingDown",
     "Study",
+    "Transient",
     "Uniform",
     "band_pass",
     "fit",
     "free_exponents",
+    "hysteresis",
     "load_study",
     "merge_curves",
     "modal_filter",
@@ -174,6 +186,7 @@ __all__ = [
     "ringdown",
     "ringdown_curves",
     "sample_posterior",
+    "simulate",
     "structural_parameters",
     "three_mass",
     "work_dissipation",

@@ -4,16 +4,20 @@ from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo
 from iwanjax.joints.background import PowerLawDamping
 from iwanjax.joints.catalogue import JOINTS, joint_type, register_joint
 from iwanjax.joints.dashpot import Dashpot
+from iwanjax.joints.discrete import AbstractDiscrete, Reaction
+from iwanjax.joints.hysteresis import hysteresis
 from iwanjax.joints.iwan import DISTRIBUTION_PARAMETERS
 from iwanjax.joints.iwan4 import Iwan4
 from iwanjax.joints.iwan5 import Iwan5
 from iwanjax.joints.jenkins import Jenkins
 from iwanjax.joints.masing import masing_dissipation, masing_loading
+from iwanjax.joints.sliders import SliderBank
 from iwanjax.joints.springs import CubicSpring, Gap, LinearSpring
 
 __all__ = [
     "DISTRIBUTION_PARAMETERS",
     "JOINTS",
+    "AbstractDiscrete",
     "AbstractJoint",
     "CubicSpring",
     "Dashpot",
@@ -25,6 +29,9 @@ __all__ = [
     "LinearSpring",
     "ParameterInfo",
     "PowerLawDamping",
+    "Reaction",
+    "SliderBank",
+    "hysteresis",
     "joint_type",
     "masing_dissipation",
     "masing_loading",

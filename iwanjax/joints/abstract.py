@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
+from iwanjax.joints.discrete import AbstractDiscrete, Elastic
+from iwanjax.joints.sliders import SLIDERS
 from iwanjax.types import ArrayLike, as_real, is_traced, real
 
 Law: TypeAlias = Callable[[Array], tuple[Array, Array]]
@@ -161,6 +163,22 @@ class AbstractJoint(eqx.Module):
         # The unloading branch at d cos t is minus the loading branch at -d cos t.
         mean = -jnp.mean(self.loading(-safe * cosine, safe) * cosine, axis=0)
         return jnp.where(at_rest, self.initial_stiffness, 2.0 * mean / safe)
+
+    def discrete(self, sliders: int = SLIDERS) -> AbstractDiscrete:
+        """The element in motion, for integration in time; one parameter set.
+
+        Parameters
+        ----------
+        sliders : int
+            For elements that are made of sliders; the others have none.
+
+        Returns
+        -------
+        AbstractDiscrete
+            With ``init`` and ``step``. Unless the element says otherwise its force follows the
+            virgin curve both ways.
+        """
+        return Elastic(self)
 
     def loop(
         self, d_0: ArrayLike, points: int = 201

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.discrete import Viscous
 from iwanjax.types import ArrayLike, real
 
 
@@ -38,6 +39,14 @@ class Dashpot(AbstractJoint):
     def limit_stiffness(self) -> Array:
         """Zero."""
         return jnp.zeros_like(self.c)
+
+    def discrete(self, sliders: int = 0) -> Viscous:
+        """The force follows the rate."""
+        return Viscous(self)
+
+    def rate_law(self, v: Array) -> tuple[Array, Array]:
+        """Force c v and its slope c."""
+        return self.c * v, self.c * jnp.ones_like(v)
 
     def law(self) -> Law:
         """No force and no tangent in quasi-static loading."""

@@ -74,6 +74,11 @@ class Iwan5(AbstractIwan):
         return cls(**physical_of(cls.__name__, R, S, chi, phi_max), theta=theta)
 
     @property
+    def kinetic_share(self) -> Array:
+        """Theta."""
+        return self.theta
+
+    @property
     def R_bar(self) -> Array:
         """R of the four-parameter element with the same ring-down, force/length^(chi+2) (4.47).
 

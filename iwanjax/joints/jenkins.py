@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.masing import masing_loading
+from iwanjax.joints.sliders import SLIDERS, SliderBank
 from iwanjax.types import ArrayLike, real
 
 
@@ -41,6 +42,11 @@ class Jenkins(AbstractJoint):
     def limit_stiffness(self) -> Array:
         """Zero: the force stays at F_S."""
         return jnp.zeros_like(self.K_T)
+
+    def discrete(self, sliders: int = SLIDERS) -> SliderBank:
+        """A bank of one slider."""
+        one = jnp.ones_like(self.K_T)[..., None]
+        return SliderBank((self.F_S / self.K_T)[..., None], self.K_T[..., None], one)
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent)."""

@@ -1,0 +1,200 @@
+"""The joints' pseudo-forces at the end of a step: a few unknowns, whatever the structure's size."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from iwanjax.joints import AbstractDiscrete, Reaction
+from iwanjax.structures.small import solve_general
+
+_MOST_ITERATIONS = 60
+# Of the joints' largest elastic force.
+_TOLERANCE = 1e-12
+
+
+class Joints(eqx.Module):
+    """The elements of a structure, alike ones in one batch.
+
+    Attributes
+    ----------
+    groups : tuple of AbstractDiscrete
+        Each with a leading axis over its joints.
+    order : tuple of tuple of int
+        For each group the places of its joints among all.
+    """
+
+    groups: tuple[AbstractDiscrete, ...]
+    order: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, elements: tuple[AbstractDiscrete, ...]) -> "Joints":
+        """Group the elements that have the same kind and shapes."""
+        kinds: dict[Any, list[int]] = {}
+        for i, element in enumerate(elements):
+            leaves, structure = jax.tree.flatten(element)
+            key = (structure, tuple(jnp.shape(leaf) for leaf in leaves))
+            kinds.setdefault(key, []).append(i)
+        groups = tuple(
+            jax.tree.map(lambda *leaves: jnp.stack(leaves), *(elements[i] for i in places))
+            for places in kinds.values()
+        )
+        return cls(groups, tuple(map(tuple, kinds.values())))
+
+    @property
+    def count(self) -> int:
+        """Number of joints."""
+        return sum(map(len, self.order))
+
+    def init(self) -> tuple[Any, ...]:
+        """States of the virgin joints."""
+        return tuple(jax.vmap(lambda element: element.init())(group) for group in self.groups)
+
+    def step(self, d: Array, v: Array, dt: Array, states: tuple[Any, ...]) -> Reaction:
+        """All joints, (joints,) each; states by group."""
+        found = [
+            jax.vmap(lambda e, d, v, s: e.step(d, v, dt, s))(
+                group, _take(d, places), _take(v, places), state
+            )
+            for group, places, state in zip(self.groups, self.order, states, strict=True)
+        ]
+        return Reaction(
+            self._merged([each.force for each in found]),
+            self._merged([each.stiffness for each in found]),
+            self._merged([each.damping for each in found]),
+            tuple(each.state for each in found),
+            self._merged([each.loss for each in found]),
+        )
+
+    def energy(self, d: Array, states: tuple[Any, ...]) -> Array:
+        """Energy stored in each joint, (joints,)."""
+        return self._merged(
+            [
+                jax.vmap(lambda e, d, s: e.energy(d, s))(group, _take(d, places), state)
+                for group, places, state in zip(self.groups, self.order, states, strict=True)
+            ]
+        )
+
+    def _merged(self, parts: list[Array]) -> Array:
+        if len(parts) == 1:
+            return parts[0]
+        places = [i for group in self.order for i in group]
+        back = sorted(range(len(places)), key=places.__getitem__)
+        return jnp.concatenate(parts)[jnp.array(back)]
+
+
+def _take(values: Array, places: tuple[int, ...]) -> Array:
+    return values if places == tuple(range(values.shape[0])) else values[jnp.array(places)]
+
+
+class StepEnd(NamedTuple):
+    """What the pseudo-forces at the end of a step have to balance.
+
+    Attributes
+    ----------
+    joints : Joints
+        The elements.
+    states : pytree
+        At the beginning of the step.
+    d, v : (joints,) array
+        Deflections and rates that the step would end with without pseudo-forces at its end.
+    G, H : (joints, joints) array
+        What a unit of them adds to d and v.
+    stiffness : (joints,) array
+        Reference stiffness.
+    dt : array
+        Length of the step.
+    """
+
+    joints: Joints
+    states: tuple[Any, ...]
+    d: Float[Array, " joints"]
+    v: Float[Array, " joints"]
+    G: Float[Array, "joints joints"]
+    H: Float[Array, "joints joints"]
+    stiffness: Float[Array, " joints"]
+    dt: Array
+
+    def ends(self, g: Array) -> tuple[Array, Array]:
+        """Deflections and rates with the pseudo-forces g."""
+        return self.d + self.G @ g, self.v + self.H @ g
+
+    def react(self, g: Array) -> Reaction:
+        """What the joints do with the pseudo-forces g."""
+        return self.joints.step(*self.ends(g), self.dt, self.states)
+
+    def residual(self, g: Array) -> Float[Array, " joints"]:
+        """G - (K_ref d - F), zero in balance."""
+        return g - self.stiffness * self.ends(g)[0] + self.react(g).force
+
+
+class _Trial(NamedTuple):
+    g: Array
+    step: Array
+    share: Array
+    size: Array
+    balanced: Bool[Array, ""]
+    iterations: Array
+
+
+@eqx.filter_custom_jvp
+def balance(guess: Float[Array, " joints"], end: StepEnd) -> Float[Array, " joints"]:
+    """Pseudo-forces in balance at the end of a step, by Newton's method that cannot cycle.
+
+    A step that does not make the residual smaller is halved until it does. Derivatives
+    are those of the balance itself, by one linear solve; ``guess`` has none. NaN where no
+    balance was found.
+    """
+    m = end.d.shape[0]
+
+    def proceed(trial: _Trial) -> Array:
+        return ~trial.balanced & (trial.iterations < _MOST_ITERATIONS)
+
+    def advance(trial: _Trial) -> _Trial:
+        g = trial.g + trial.share * trial.step
+        d, v = end.ends(g)
+        reaction = end.joints.step(d, v, end.dt, end.states)
+        elastic = end.stiffness * d
+        r = g - elastic + reaction.force
+        size = jnp.max(jnp.abs(r))
+        scale = jnp.max(jnp.abs(elastic) + jnp.abs(reaction.force))
+        better = size < trial.size
+        newton = _solved(end, reaction, -r)
+        return _Trial(
+            jnp.where(better, g, trial.g),
+            jnp.where(better, newton, trial.step),
+            jnp.where(better, 1.0, 0.5 * trial.share),
+            jnp.where(better, size, trial.size),
+            size <= _TOLERANCE * scale,
+            trial.iterations + 1,
+        )
+
+    start = _Trial(
+        guess,
+        jnp.zeros(m, guess.dtype),
+        jnp.ones((), guess.dtype),
+        jnp.full((), jnp.inf, guess.dtype),
+        jnp.zeros((), bool),
+        jnp.zeros((), jnp.int32),
+    )
+    found = jax.lax.while_loop(proceed, advance, start)
+    return jnp.where(found.balanced, found.g, jnp.nan)
+
+
+@balance.def_jvp
+def _balance_jvp(primals: Any, tangents: Any) -> tuple[Array, Array]:
+    (guess, end), (_, d_end) = primals, tangents
+    g = balance(guess, end)
+    moved = eqx.filter_jvp(lambda e: e.residual(g), (end,), (d_end,))[1]
+    return g, -_solved(end, end.react(g), moved)
+
+
+def _solved(end: StepEnd, reaction: Reaction, right: Array) -> Array:
+    """The residual's derivative inverted: I - diag(K_ref - K) G + diag(C) H."""
+    softer = (end.stiffness - reaction.stiffness)[:, None] * end.G
+    J = jnp.eye(right.shape[0]) - softer + reaction.damping[:, None] * end.H
+    m = right.shape[0]
+    rows = [[J[i, j] for j in range(m)] for i in range(m)]
+    return jnp.stack(solve_general(rows, [right[i] for i in range(m)]))

@@ -1,0 +1,135 @@
+"""A jointed structure in the coordinates it is integrated in: modes about a reference stiffness."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.errors import InputError
+from iwanjax.structures import JointedStructure
+from iwanjax.types import is_traced
+
+# Off-diagonal modal damping up to this share of the diagonal is none.
+_CLASSICAL = 1e-9
+# Squared frequencies within this share of the largest are those of rigid-body modes.
+_RIGID = 1e-13
+
+
+class ModalCoordinates(eqx.Module):
+    r"""Modes q with what joints, inputs and sensors see of them.
+
+    .. math:: \ddot q + C\dot q + \omega^2 q = W f + P^T g, \qquad
+              d = P q + R_{dg}\,g + R_{df} f, \qquad y = Y q + R_{yg}\,g + R_{yf} f
+
+    with the pseudo-forces g = K_ref d - F(d) of the joints, so that the left side holds their
+    reference stiffness; R are the flexibilities of modes that were left out.
+
+    Attributes
+    ----------
+    omega2 : (modes,) array
+        Squared circular frequencies.
+    C : (modes,) or (modes, modes) array
+        Modal damping; a matrix where it couples the modes.
+    Phi : (n, modes) array
+        Mass-normalised shapes, rigid-body modes among them.
+    P : (joints, modes) array
+        Joint deflections.
+    W : (modes, inputs) array
+        Modal forces.
+    Y : (sensors, modes) array
+        What the sensors see.
+    stiffness : (joints,) array
+        Reference stiffness of the joints.
+    R_dg, R_df, R_yg, R_yf : arrays
+        Residual flexibilities, of zeros where all modes are kept.
+    """
+
+    omega2: Float[Array, " modes"]
+    C: Float[Array, "*modes"]
+    Phi: Float[Array, "n modes"]
+    P: Float[Array, "joints modes"]
+    W: Float[Array, "modes inputs"]
+    Y: Float[Array, "sensors modes"]
+    stiffness: Float[Array, " joints"]
+    R_dg: Float[Array, "joints joints"]
+    R_df: Float[Array, "joints inputs"]
+    R_yg: Float[Array, "sensors joints"]
+    R_yf: Float[Array, "sensors inputs"]
+
+
+def modal_coordinates(
+    structure: JointedStructure, inputs: Array, sensors: Array, modes: int | None
+) -> ModalCoordinates:
+    """The coordinates of a structure, differentiable with respect to its matrices.
+
+    Derivatives with respect to M and K do not exist where natural frequencies coincide.
+
+    Parameters
+    ----------
+    structure : JointedStructure
+        Its reference stiffness is that of its own modes.
+    inputs : (inputs, n) array
+        Rows along which forces act.
+    sensors : (sensors, n) array
+        Rows of the outputs.
+    modes : int or None
+        Elastic modes to keep, the lowest first; the others act by their flexibility.
+
+    Raises
+    ------
+    InputError
+        For more modes than there are.
+    """
+    linear, B = structure.structure, structure.rows
+    stiffness = structure.basis.stiffness
+    omega2, Phi, damping = _modes(linear.M, linear.C, linear.K + (B.T * stiffness) @ B)
+    if not is_traced(damping) and _classical(np.asarray(damping)):
+        damping = jnp.diagonal(damping)
+    P, W, Y = B @ Phi, Phi.T @ inputs.T, sensors @ Phi
+    kept = omega2.shape[0]
+    if modes is not None:
+        if is_traced(omega2):
+            raise InputError("simulate: modes= cannot be chosen while the matrices are traced")
+        rigid = int(np.sum(np.asarray(omega2) == 0.0))
+        if not 1 <= modes <= kept - rigid:
+            raise InputError(f"modes = {modes}; expected 1 to {kept - rigid} elastic modes")
+        kept = rigid + modes
+    left = slice(kept, None)
+    flexibility = 1.0 / omega2[left]
+    P_left, Y_left = P[:, left] * flexibility, Y[:, left] * flexibility
+    return ModalCoordinates(
+        omega2=omega2[:kept],
+        C=damping[(slice(kept),) * damping.ndim],
+        Phi=Phi[:, :kept],
+        P=P[:, :kept],
+        W=W[:kept],
+        Y=Y[:, :kept],
+        stiffness=stiffness,
+        R_dg=P_left @ P[:, left].T,
+        R_df=P_left @ W[left],
+        R_yg=Y_left @ P[:, left].T,
+        R_yf=Y_left @ W[left],
+    )
+
+
+@jax.jit
+def _modes(M: Array, C: Array, K: Array) -> tuple[Array, Array, Array]:
+    """All modes, those of rigid bodies with frequency zero, and the damping between them."""
+    lower = jnp.linalg.cholesky(M)
+    half = jax.lax.linalg.triangular_solve(lower, K, left_side=True, lower=True)
+    whole = jax.lax.linalg.triangular_solve(lower, half.T, left_side=True, lower=True)
+    values, vectors = jnp.linalg.eigh(0.5 * (whole + whole.T))
+    Phi = jax.lax.linalg.triangular_solve(
+        lower, vectors, left_side=True, lower=True, transpose_a=True
+    )
+    n = values.shape[0]
+    omega2 = jnp.where(jnp.abs(values) < _RIGID * n * values[-1], 0.0, values)
+    return omega2, Phi, Phi.T @ C @ Phi
+
+
+def _classical(damping: np.ndarray) -> bool:
+    """Whether modal damping does not couple modes."""
+    diagonal = np.diagonal(damping)
+    coupled = np.max(np.abs(damping - np.diag(diagonal)))
+    return bool(coupled <= _CLASSICAL * np.max(np.abs(diagonal)))

@@ -1,0 +1,76 @@
+"""One element driven along a history of deflections."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from iwanjax.errors import InputError
+from iwanjax.joints.abstract import AbstractJoint
+from iwanjax.joints.discrete import AbstractDiscrete
+from iwanjax.joints.sliders import SLIDERS
+from iwanjax.types import ArrayLike, as_real
+
+
+def hysteresis(
+    joint: AbstractJoint,
+    d_history: ArrayLike,
+    *,
+    sliders: int = SLIDERS,
+    dt: float | None = None,
+) -> Float[Array, "..."]:
+    """Force of an element along a history of deflections, from rest at d = 0 on.
+
+    Between two values the motion is taken to be monotonic; sliders are exact then, however
+    far apart the values are (thesis Sec. 4.2.3 with a flag for each slider).
+
+    Parameters
+    ----------
+    joint : joint
+        One parameter set.
+    d_history : (..., N) array_like
+        Deflections, length; leading axes are histories of their own.
+    sliders : int
+        Sliders that stand for an Iwan element.
+    dt : float, optional
+        Time between two values, for elements whose force depends on rate.
+
+    Returns
+    -------
+    (..., N) array
+        Force at each value.
+
+    Raises
+    ------
+    InputError
+        For values that are not finite, and rate-dependent elements without ``dt``.
+    """
+    d = as_real(d_history, "d_history")
+    if d.ndim == 0:
+        raise InputError("d_history is a number; expected an array of at least one axis")
+    if any(jnp.ndim(leaf) for leaf in jax.tree.leaves(joint)):
+        raise InputError(f"hysteresis drives one parameter set; {joint!r} carries a batch")
+    element = joint.discrete(sliders)
+    if dt is None and element.rate_dependent:
+        raise InputError(
+            f"hysteresis: the force of {type(joint).__name__} depends on rate; give dt=, the time "
+            "between two values"
+        )
+    step = as_real(1.0 if dt is None else dt, "dt")
+    return _driven(element, d.reshape(-1, d.shape[-1]), step).reshape(d.shape)
+
+
+@eqx.filter_jit
+def _driven(element: AbstractDiscrete, d: Array, dt: Array) -> Array:
+    def one(history: Array) -> Array:
+        def advance(state: Any, ends: tuple[Array, Array]) -> tuple[Any, Array]:
+            to, moved = ends
+            reaction = element.step(to, moved / dt, dt, state)
+            return reaction.state, reaction.force
+
+        moved = jnp.diff(history, prepend=0.0)
+        return jax.lax.scan(advance, element.init(), (history, moved))[1]
+
+    return jax.vmap(one)(d)
