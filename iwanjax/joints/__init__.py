@@ -5,20 +5,30 @@ from iwanjax.joints.background import PowerLawDamping
 from iwanjax.joints.catalogue import JOINTS, joint_type, register_joint
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
+from iwanjax.joints.drag import QuadraticDrag
 from iwanjax.joints.hysteresis import hysteresis
 from iwanjax.joints.iwan import DISTRIBUTION_PARAMETERS
 from iwanjax.joints.iwan4 import Iwan4
 from iwanjax.joints.iwan5 import Iwan5
 from iwanjax.joints.jenkins import Jenkins
 from iwanjax.joints.masing import masing_dissipation, masing_loading
+from iwanjax.joints.maxwell import Maxwell
 from iwanjax.joints.sliders import SliderBank
-from iwanjax.joints.springs import CubicSpring, Gap, LinearSpring
+from iwanjax.joints.springs import (
+    BilinearSpring,
+    CubicSpring,
+    Gap,
+    LinearSpring,
+    QuadraticSpring,
+    Tabulated,
+)
 
 __all__ = [
     "DISTRIBUTION_PARAMETERS",
     "JOINTS",
     "AbstractDiscrete",
     "AbstractJoint",
+    "BilinearSpring",
     "CubicSpring",
     "Dashpot",
     "Gap",
@@ -27,10 +37,14 @@ __all__ = [
     "Jenkins",
     "Law",
     "LinearSpring",
+    "Maxwell",
     "ParameterInfo",
     "PowerLawDamping",
+    "QuadraticDrag",
+    "QuadraticSpring",
     "Reaction",
     "SliderBank",
+    "Tabulated",
     "hysteresis",
     "joint_type",
     "masing_dissipation",

@@ -5,19 +5,31 @@ import difflib
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import AbstractJoint
 from iwanjax.joints.dashpot import Dashpot
+from iwanjax.joints.drag import QuadraticDrag
 from iwanjax.joints.iwan4 import Iwan4
 from iwanjax.joints.iwan5 import Iwan5
 from iwanjax.joints.jenkins import Jenkins
-from iwanjax.joints.springs import CubicSpring, Gap, LinearSpring
+from iwanjax.joints.maxwell import Maxwell
+from iwanjax.joints.springs import (
+    BilinearSpring,
+    CubicSpring,
+    Gap,
+    LinearSpring,
+    QuadraticSpring,
+)
 
 JOINTS: dict[str, type[AbstractJoint]] = {
     "iwan4": Iwan4,
     "iwan5": Iwan5,
     "jenkins": Jenkins,
     "linear_spring": LinearSpring,
+    "quadratic_spring": QuadraticSpring,
     "cubic_spring": CubicSpring,
+    "bilinear_spring": BilinearSpring,
     "gap": Gap,
     "dashpot": Dashpot,
+    "quadratic_drag": QuadraticDrag,
+    "maxwell": Maxwell,
 }
 
 

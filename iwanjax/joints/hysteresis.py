@@ -11,11 +11,11 @@ from iwanjax.errors import InputError
 from iwanjax.joints.abstract import AbstractJoint
 from iwanjax.joints.discrete import AbstractDiscrete
 from iwanjax.joints.sliders import SLIDERS
-from iwanjax.types import ArrayLike, as_real
+from iwanjax.types import ArrayLike, as_real, is_traced
 
 
 def hysteresis(
-    joint: AbstractJoint,
+    joint: AbstractJoint | AbstractDiscrete,
     d_history: ArrayLike,
     *,
     sliders: int = SLIDERS,
@@ -28,8 +28,9 @@ def hysteresis(
 
     Parameters
     ----------
-    joint : joint
-        One parameter set.
+    joint : joint or AbstractDiscrete
+        One parameter set; or the discrete element itself, such as a
+        :class:`~iwanjax.joints.SliderBank` of one's own.
     d_history : (..., N) array_like
         Deflections, length; leading axes are histories of their own.
     sliders : int
@@ -45,20 +46,23 @@ def hysteresis(
     Raises
     ------
     InputError
-        For values that are not finite, and rate-dependent elements without ``dt``.
+        For values that are not finite, a step that is not positive, and rate-dependent
+        elements without one.
     """
     d = as_real(d_history, "d_history")
     if d.ndim == 0:
         raise InputError("d_history is a number; expected an array of at least one axis")
-    if any(jnp.ndim(leaf) for leaf in jax.tree.leaves(joint)):
+    if isinstance(joint, AbstractJoint) and any(jnp.ndim(leaf) for leaf in jax.tree.leaves(joint)):
         raise InputError(f"hysteresis drives one parameter set; {joint!r} carries a batch")
-    element = joint.discrete(sliders)
+    element = joint if isinstance(joint, AbstractDiscrete) else joint.discrete(sliders)
     if dt is None and element.rate_dependent:
         raise InputError(
             f"hysteresis: the force of {type(joint).__name__} depends on rate; give dt=, the time "
             "between two values"
         )
     step = as_real(1.0 if dt is None else dt, "dt")
+    if step.ndim or (not is_traced(step) and not step > 0):
+        raise InputError(f"hysteresis: dt = {dt}; expected a positive number")
     return _driven(element, d.reshape(-1, d.shape[-1]), step).reshape(d.shape)
 
 

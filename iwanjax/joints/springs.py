@@ -1,22 +1,47 @@
 """Elastic elements: the force is a function of the deflection, nothing is dissipated."""
 
-from typing import ClassVar
+from collections.abc import Callable
+from typing import ClassVar, Literal, TypeAlias, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.errors import InputError
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
-from iwanjax.types import ArrayLike, real
+from iwanjax.types import ArrayLike, as_real, is_traced, real
+
+Sides: TypeAlias = Literal["both", "positive", "negative"]
+"""Deflections at which a clearance ends in contact."""
 
 
-def _lossless(d: ArrayLike, stiffness: Array) -> Array:
-    """Zero energy per cycle, of the shape the other elements would give."""
-    return jnp.zeros(jnp.broadcast_shapes(np.shape(d), stiffness.shape), dtype=stiffness.dtype)
+class AbstractSpring(AbstractJoint):
+    """An element whose force is that of its virgin curve on every path.
+
+    Of a curve that is not odd, secant and harmonic stiffness are those of a cycle between -d and
+    d about the undeflected state: the slope from tip to tip. A quasi-static solve follows one
+    side of the curve only, the one the mode's load deflects it to, so that the curves of
+    :func:`iwanjax.qsma` then depend on the sign of the mode's shape and of the joint's row.
+    """
+
+    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
+        """Zero."""
+        return jnp.zeros_like(self.backbone(d))
+
+    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
+        """The spring's force: loading and unloading coincide."""
+        return self.backbone(d)
+
+    def loop(
+        self, d_0: ArrayLike, points: int = 201
+    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
+        """The curve from -d_0 to d_0 and back; arguments as for every joint."""
+        d, _ = super().loop(d_0, points)
+        return d, self.backbone(d)
 
 
-class LinearSpring(AbstractJoint):
+class LinearSpring(AbstractSpring):
     """F = k d. In a structure it is part of the low-amplitude stiffness like every K_T.
 
     Parameters
@@ -49,18 +74,49 @@ class LinearSpring(AbstractJoint):
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
         """K whatever the amplitude, force/length."""
-        return self.k + _lossless(d, self.k)
-
-    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
-        """Zero."""
-        return _lossless(d, self.k)
-
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """The spring's force: loading and unloading coincide."""
-        return self.backbone(d)
+        return self.tangent(d)
 
 
-class CubicSpring(AbstractJoint):
+class QuadraticSpring(AbstractSpring):
+    """F = k2 d^2: softer to one side than to the other, as a curved member is.
+
+    Its force does the same at -d and d, so that the slope from tip to tip of a cycle is zero at
+    every amplitude: quasi-static curves show nothing of it, motion does (a mean shift and even
+    harmonics).
+
+    Parameters
+    ----------
+    k2 : float or array
+        Quadratic stiffness, force/length^2; its sign says to which side the element stiffens.
+    """
+
+    parameters: ClassVar[tuple[ParameterInfo, ...]] = (
+        ParameterInfo("k2", "force/length^2", "quadratic stiffness"),
+    )
+
+    k2: Array = eqx.field(converter=named("k2"))
+
+    @property
+    def initial_stiffness(self) -> Array:
+        """Zero at rest, force/length."""
+        return jnp.zeros_like(self.k2)
+
+    @property
+    def limit_stiffness(self) -> Array:
+        """Zero: the slope from tip to tip at every amplitude, force/length."""
+        return jnp.zeros_like(self.k2)
+
+    def law(self) -> Law:
+        """Virgin curve d -> (force, tangent)."""
+        k2 = self.k2
+        return lambda d: (k2 * d**2, 2.0 * k2 * d)
+
+    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Zero, the slope from tip to tip, force/length."""
+        return jnp.zeros_like(self.backbone(d))
+
+
+class CubicSpring(AbstractSpring):
     """F = k3 d^3: hardening (k3 > 0), as of bending-stretching, or softening.
 
     Parameters
@@ -94,17 +150,47 @@ class CubicSpring(AbstractJoint):
         """k3 d^2, force/length."""
         return self.k3 * real(d) ** 2
 
-    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
-        """Zero."""
-        return _lossless(d, self.k3)
 
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """The spring's force: loading and unloading coincide."""
-        return self.backbone(d)
+class BilinearSpring(AbstractSpring):
+    """F = dk d for d > 0, else none: a contact that opens and closes about d = 0.
+
+    In a cycle about the undeflected state it counts half, at every amplitude.
+
+    Parameters
+    ----------
+    dk : float or array
+        Stiffness that positive deflections meet in addition, force/length; negative for a
+        contact that opens there.
+    """
+
+    parameters: ClassVar[tuple[ParameterInfo, ...]] = (
+        ParameterInfo("dk", "force/length", "stiffness of the positive side alone"),
+    )
+
+    dk: Array = eqx.field(converter=named("dk"))
+
+    @property
+    def initial_stiffness(self) -> Array:
+        """Half dk, the slope from tip to tip of however small a cycle, force/length."""
+        return 0.5 * self.dk
+
+    @property
+    def limit_stiffness(self) -> Array:
+        """Half dk, force/length."""
+        return 0.5 * self.dk
+
+    def law(self) -> Law:
+        """Virgin curve d -> (force, tangent)."""
+        dk = self.dk
+        return lambda d: (dk * jnp.where(d > 0.0, d, 0.0), jnp.where(d > 0.0, dk, 0.0))
+
+    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Half dk, the slope from tip to tip, force/length."""
+        return 0.5 * self.dk * jnp.ones_like(real(d))
 
 
-class Gap(AbstractJoint):
-    """Clearance on both sides: F = k (|d| - gap) sign(d) beyond the gap, 0 within.
+class Gap(AbstractSpring):
+    """Clearance: F = k (|d| - gap) sign(d) beyond the gap, 0 within.
 
     Parameters
     ----------
@@ -112,6 +198,13 @@ class Gap(AbstractJoint):
         Contact stiffness, force/length.
     gap : float or array
         Clearance to each side, length.
+    sides : {"both", "positive", "negative"}
+        Where there is contact; a one-sided stop has none at deflections of the other sign.
+
+    Raises
+    ------
+    InputError
+        For a parameter outside its bounds, and other ``sides``.
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
@@ -121,38 +214,136 @@ class Gap(AbstractJoint):
 
     k: Array = eqx.field(converter=named("k"))
     gap: Array = eqx.field(converter=named("gap"))
+    sides: Sides = eqx.field(static=True, default="both")
 
     @property
     def initial_stiffness(self) -> Array:
-        """Zero while there is clearance, k without, force/length."""
-        return jnp.where(self.gap > 0, 0.0, self.k)
+        """Zero while there is clearance, that of large amplitudes without, force/length."""
+        return jnp.where(self.gap > 0, 0.0, self.limit_stiffness)
 
     @property
     def limit_stiffness(self) -> Array:
-        """k, force/length."""
-        return self.k + jnp.zeros_like(self.gap)
+        """k, of a one-sided stop half of it: the slope from tip to tip, force/length."""
+        share = 1.0 if self.sides == "both" else 0.5
+        return share * self.k + jnp.zeros_like(self.gap)
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent)."""
-        k, gap = self.k, self.gap
+        k, gap, sides = self.k, self.gap, self.sides
 
         def evaluate(d: Array) -> tuple[Array, Array]:
-            touches = jnp.abs(d) >= gap
+            reach = {"both": jnp.abs(d), "positive": d, "negative": -d}[sides]
+            touches = reach >= gap
             return jnp.where(touches, k * (d - gap * jnp.sign(d)), 0.0), jnp.where(touches, k, 0.0)
 
         return evaluate
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """K (1 - gap/|d|) beyond the gap, 0 within, force/length."""
+        """K (1 - gap/|d|) beyond the gap, 0 within, half of it for one side, force/length."""
         amplitude = jnp.abs(real(d))
         touches = amplitude > self.gap
         safe = jnp.where(touches, amplitude, 1.0)
-        return jnp.where(touches, self.k * (1.0 - self.gap / safe), self.initial_stiffness)
+        beyond = self.limit_stiffness * (1.0 - self.gap / safe)
+        return jnp.where(touches, beyond, self.initial_stiffness)
 
-    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
-        """Zero."""
-        return _lossless(d, self.k + self.gap)
+    def __repr__(self) -> str:
+        """The element with its parameters, and where it touches if not on both sides."""
+        text = super().__repr__()
+        return text if self.sides == "both" else f"{text[:-1]}, sides={self.sides!r})"
 
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """The contact's force: loading and unloading coincide."""
-        return self.backbone(d)
+    def __check_init__(self) -> None:
+        """Refuse sides that do not exist."""
+        if self.sides not in get_args(Sides):
+            raise InputError(
+                f"Gap: sides = {self.sides!r}; expected {', '.join(map(repr, get_args(Sides)))}"
+            )
+
+
+class Tabulated(AbstractSpring):
+    """A measured or computed curve: straight between the points of a table and beyond its ends.
+
+    Parameters
+    ----------
+    d : (points,) array_like
+        Deflections, length; strictly increasing, at least two.
+    force : (points,) array_like
+        Forces at them. One at d = 0 that is not zero is a preload.
+
+    Raises
+    ------
+    InputError
+        For tables of other shapes, not finite or not increasing in d.
+    """
+
+    # The table is what the element is, not a parameter that a fit would move. Its points are
+    # leaves of their own: one with an axis would be taken for a batch of parameter sets.
+    parameters: ClassVar[tuple[ParameterInfo, ...]] = ()
+
+    d: tuple[Array, ...] = eqx.field(converter=lambda value: _row(value, "d"))
+    force: tuple[Array, ...] = eqx.field(converter=lambda value: _row(value, "force"))
+
+    @property
+    def initial_stiffness(self) -> Array:
+        """Slope at d = 0, the mean of both sides' where it changes there, force/length."""
+        table, slope = jnp.stack(self.d), self._slopes()
+        before, after = (jnp.searchsorted(table, 0.0, side=side) for side in ("left", "right"))
+        return 0.5 * (slope(before) + slope(after))
+
+    @property
+    def limit_stiffness(self) -> Array:
+        """Mean of the slopes at both ends, force/length."""
+        slope = self._slopes()
+        return 0.5 * (slope(jnp.asarray(0)) + slope(jnp.asarray(len(self.d))))
+
+    def law(self) -> Law:
+        """Virgin curve d -> (force, tangent)."""
+        table, force, slope_at = jnp.stack(self.d), jnp.stack(self.force), self._slopes()
+
+        def evaluate(d: Array) -> tuple[Array, Array]:
+            i = jnp.searchsorted(table, d, side="right")
+            left = jnp.clip(i - 1, 0, table.shape[0] - 2)
+            slope = slope_at(i)
+            return force[left] + slope * (d - table[left]), slope
+
+        return evaluate
+
+    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Slope from tip to tip, force/length."""
+        amplitude = jnp.abs(real(d))
+        at_rest = amplitude == 0
+        safe = jnp.where(at_rest, 1.0, amplitude)
+        tips = self.backbone(safe) - self.backbone(-safe)
+        return jnp.where(at_rest, self.initial_stiffness, 0.5 * tips / safe)
+
+    def _slopes(self) -> Callable[[Array], Array]:
+        """Slope between the points i - 1 and i, outside the table of the nearest interval."""
+        rise = jnp.diff(jnp.stack(self.force)) / jnp.diff(jnp.stack(self.d))
+        return lambda i: rise[jnp.clip(i - 1, 0, rise.shape[0] - 1)]
+
+    def __repr__(self) -> str:
+        """How long the table is."""
+        return f"Tabulated({len(self.d)} points)"
+
+    def __check_init__(self) -> None:
+        """Refuse what is not a table of a function."""
+        if len(self.d) < 2 or len(self.d) != len(self.force):
+            raise InputError(
+                f"Tabulated: d has {len(self.d)} points and force {len(self.force)}; expected as "
+                "many, at least 2"
+            )
+        if not is_traced(self.d):
+            d = np.array(self.d)
+            if not np.all(np.diff(d) > 0):
+                i = int(np.argmin(np.diff(d) > 0))
+                raise InputError(
+                    f"Tabulated: d[{i + 1}] = {d[i + 1]:g} follows d[{i}] = {d[i]:g}; "
+                    "expected increasing deflections"
+                )
+
+
+def _row(values: ArrayLike, name: str) -> tuple[Array, ...]:
+    """The numbers of a table's row, one by one."""
+    row = as_real(values, name)
+    if row.ndim != 1:
+        raise InputError(f"Tabulated: {name} has shape {row.shape}; expected a row of numbers")
+    return tuple(row)

@@ -17,9 +17,9 @@ _LOWEST_SIGNAL_TO_NOISE = 6.0
 _WINDOW, _LOWEST_ORDER, _PASSED = 16.0, 3, 0.4
 # Windows on either side that share their noise.
 _NEIGHBOURS = 3
-# Least and largest logarithmic decrement in an interval, least number of periods and of
-# reciprocals of the bandwidth.
-_LEAST_DECREMENT, _LARGEST_DECREMENT = 0.08, 0.5
+# Least and largest logarithmic decrement in an interval, intervals that a decay gets which is
+# too short for the least one, least number of periods and of reciprocals of the bandwidth.
+_LEAST_DECREMENT, _LARGEST_DECREMENT, _FEW_INTERVALS = 0.08, 0.5, 6
 _FEWEST_PERIODS, _FEWEST_CORRELATIONS = 8.0, 5.0
 
 
@@ -197,8 +197,10 @@ def plan_intervals(
         12.0 * noise.at(samples) * np.exp(-2.0 * smooth(x)) / (precision * rate) ** 2
     )
     center = 0.5 * (band[0] + band[1])
+    # A record that ends early gets some intervals all the same.
+    least_decrement = min(_LEAST_DECREMENT, 2.0 * t_per_x * overall / _FEW_INTERVALS)
     least = np.maximum(
-        _LEAST_DECREMENT / rate,
+        least_decrement / rate,
         max(_FEWEST_PERIODS / center, _FEWEST_CORRELATIONS / (band[1] - band[0])),
     )
     length = np.clip(for_precision, least, np.maximum(least, _LARGEST_DECREMENT / rate))

@@ -9,7 +9,7 @@ import numpy as np
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.signals.clipping import clipped_samples
-from iwanjax.signals.decay import centred, decay_span, measured_noise, plan_intervals
+from iwanjax.signals.decay import Noise, centred, decay_span, measured_noise, plan_intervals
 from iwanjax.signals.filters import analytic_signal, check_band, check_signal
 from iwanjax.types import ArrayLike
 
@@ -21,8 +21,10 @@ _DOUBT, _DOUBT_OF_CONVENTION = 2.0, 0.1
 _FEWEST_INTERVALS = 3
 # Of the highest amplitude, what the lowest must be below for a signal to be a decay.
 _LEAST_DECAY = 0.8
-# Deviations by which a damping is negative for sure; scatter of its logarithm about a quartic
-# in that of the amplitude which no joint shows, and levels needed to tell.
+# or as many deviations of its noise, where it falls by less.
+_CLEAR_DECAY = 30.0
+# Deviations by which a damping is negative for sure; scatter of its logarithm from level to
+# level which no joint shows, and levels needed to tell.
 _SURE, _LARGEST_SCATTER, _ENOUGH_FOR_SCATTER = 4.0, 0.2, 8
 
 
@@ -174,7 +176,7 @@ def ringdown(
     _refuse_clipped(x[span.first : span.stop], span.settled)
     psi_1, psi_2 = np.log(np.abs(z)), np.unwrap(np.angle(z))
     noise = measured_noise(z, sampling_rate, band, order, span.settled)
-    _refuse_no_decay(psi_1, slice(span.settled, noise.stop), band)
+    _refuse_no_decay(psi_1, slice(span.settled, noise.stop), band, noise)
     edges = plan_intervals(psi_1, sampling_rate, band, noise, span.settled, precision)
     if edges.size - 1 < _FEWEST_INTERVALS:
         raise InputError(
@@ -314,12 +316,15 @@ def _refuse_clipped(x: np.ndarray, settled: int) -> None:
         )
 
 
-def _refuse_no_decay(psi_1: np.ndarray, usable: slice, band: tuple[float, float]) -> None:
-    """The envelope must fall: compared are the means of the first and last eighth."""
+def _refuse_no_decay(
+    psi_1: np.ndarray, usable: slice, band: tuple[float, float], noise: Noise
+) -> None:
+    """The envelope must fall by a fifth, or many times its noise, from first to last eighth."""
     inside = psi_1[usable]
     share = max(1, inside.size // 8)
     first, last = np.exp(np.mean(inside[:share])), np.exp(np.mean(inside[-share:]))
-    if last > _LEAST_DECAY * first:
+    scatter = float(np.sqrt(np.max(noise.density) * (band[1] - band[0])))
+    if last > _LEAST_DECAY * first and first - last < _CLEAR_DECAY * scatter:
         raise InputError(
             f"ringdown: no decay in {band[0]:g} to {band[1]:g} Hz: the envelope goes from "
             f"{first:.3g} to {last:.3g}; expected a free decay of one mode"
@@ -333,8 +338,7 @@ def _refuse_beats(curves: ModalCurves, band: tuple[float, float]) -> None:
     known = (zeta > 0) & (std < 0.2 * zeta)
     scatter = 0.0
     if np.count_nonzero(known) >= _ENOUGH_FOR_SCATTER:
-        x, y = np.log(np.asarray(curves.amplitude)[known]), np.log(zeta[known])
-        scatter = float(np.std(y - np.polynomial.Polynomial.fit(x, y, 4)(x)))
+        scatter = _local_scatter(np.log(zeta[known]))
     if grows or scatter > _LARGEST_SCATTER:
         raise InputError(
             f"ringdown: the envelope in {band[0]:g} to {band[1]:g} Hz beats: the damping "
@@ -342,3 +346,15 @@ def _refuse_beats(curves: ModalCurves, band: tuple[float, float]) -> None:
             "decay, far more than the noise lets it; the band holds more than one mode, narrow "
             "it or use a modal filter"
         )
+
+
+def _local_scatter(y: np.ndarray) -> float:
+    """Deviation of values about the cubic through their four neighbours, where it is common.
+
+    The median: at the onset of macroslip damping falls by ten within two levels, and only
+    there.
+    """
+    weights = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6.0
+    off = np.convolve(y, weights, mode="valid") - y[2:-2]
+    # A normal deviation is 1.48 times the median of its size; the neighbours scatter as well.
+    return float(1.4826 * np.median(np.abs(off)) / np.sqrt(1.0 + weights @ weights))

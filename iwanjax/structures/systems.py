@@ -1,6 +1,6 @@
 """Systems the literature keeps coming back to, by name and with their options."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -9,10 +9,15 @@ from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.jointed import JointedStructure
 from iwanjax.structures.linear import LinearStructure
+from iwanjax.types import ArrayLike
 
 
 def three_mass(
-    *, mass: float = 10.0, stiffness: float = 9.0, joint: AbstractJoint | None = None
+    *,
+    mass: float = 10.0,
+    stiffness: float = 9.0,
+    joint: AbstractJoint | None = None,
+    zeta: float = 0.0,
 ) -> JointedStructure:
     """Segalman's chain: ground - m1 - m2 = m3, an Iwan joint beside the last spring.
 
@@ -26,13 +31,15 @@ def three_mass(
         Each spring (ground-1, 1-2, 2-3), 9.
     joint : joint, optional
         Iwan4 with F_S = 10, K_T = 1, chi = -0.5, beta = 5 by default.
+    zeta : float
+        Damping ratio of each mode at low amplitude (2.25), 1; the thesis takes 1e-4.
     """
     m, k = _positive(mass, "mass"), _positive(stiffness, "stiffness")
     structure = LinearStructure(
         m * np.eye(3), None, k * np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
     )
     element = Iwan4(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0) if joint is None else joint
-    return JointedStructure(structure, {"J1": (np.array([0.0, -1.0, 1.0]), element)})
+    return damped(structure, {"J1": (np.array([0.0, -1.0, 1.0]), element)}, zeta)
 
 
 def oscillator(
@@ -55,11 +62,41 @@ def oscillator(
         Damping ratio at low amplitude, 1.
     """
     m, k = _positive(mass, "mass"), _positive(stiffness, "stiffness")
-    if zeta < 0:
-        raise InputError(f"oscillator: zeta = {zeta:g} is negative")
-    low = k + float(joint.initial_stiffness)
-    c = 2.0 * zeta * np.sqrt(m * low)
-    return JointedStructure(LinearStructure([[m]], [[c]], [[k]]), {"J1": (np.array([1.0]), joint)})
+    structure = LinearStructure([[m]], None, [[k]])
+    return damped(structure, {"J1": (np.array([1.0]), joint)}, zeta)
+
+
+def damped(
+    structure: LinearStructure,
+    joints: Mapping[str, tuple[ArrayLike, AbstractJoint]],
+    zeta: float,
+) -> JointedStructure:
+    """Joints on a structure whose modes at low amplitude have one damping ratio (2.25).
+
+    Parameters
+    ----------
+    structure : LinearStructure
+        Its own C is replaced, unless ``zeta`` is zero.
+    joints : mapping of str to (row, joint)
+        As for :class:`JointedStructure`.
+    zeta : float
+        Damping ratio of each elastic mode, 1; not negative.
+
+    Raises
+    ------
+    InputError
+        As :class:`JointedStructure`, and for a negative ratio.
+    """
+    ratio = float(finite_array(zeta, "zeta"))
+    if ratio < 0:
+        raise InputError(
+            f"zeta = {ratio:g} is negative; expected a damping ratio, for instance 1e-4"
+        )
+    undamped = JointedStructure(structure, joints)
+    if ratio == 0.0:
+        return undamped
+    C = undamped.linearised("low").damping_matrix(ratio)
+    return JointedStructure(LinearStructure(structure.M, C, structure.K), joints)
 
 
 def _positive(value: float, name: str) -> float:

@@ -1,0 +1,90 @@
+"""Quadratic drag: a force with the square of the rate."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from iwanjax.errors import InputError
+from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.discrete import Viscous
+from iwanjax.types import ArrayLike, real
+
+
+class QuadraticDrag(AbstractJoint):
+    r"""F = c v |v|, as of a body in a fluid. Quasi-statically it carries nothing.
+
+    Parameters
+    ----------
+    c : float or array
+        Coefficient, force x time^2/length^2.
+    """
+
+    parameters: ClassVar[tuple[ParameterInfo, ...]] = (
+        ParameterInfo(
+            "c",
+            "force*time^2/length^2",
+            "drag coefficient",
+            0.0,
+            closed="lower",
+            transform="log",
+        ),
+    )
+    # Of the deflection its force is none at all.
+    linear: ClassVar[bool] = True
+
+    c: Array = eqx.field(converter=named("c"))
+
+    @property
+    def initial_stiffness(self) -> Array:
+        """Zero."""
+        return jnp.zeros_like(self.c)
+
+    @property
+    def limit_stiffness(self) -> Array:
+        """Zero."""
+        return jnp.zeros_like(self.c)
+
+    def discrete(self, sliders: int = 0) -> Viscous:
+        """The force follows the rate."""
+        return Viscous(self)
+
+    def rate_law(self, v: Array) -> tuple[Array, Array]:
+        """Force c v |v| and its slope 2 c |v|."""
+        size = self.c * jnp.abs(v)
+        return size * v, 2.0 * size
+
+    def law(self) -> Law:
+        """No force and no tangent in quasi-static loading."""
+        zero = jnp.zeros_like(self.c)
+        return lambda d: (zero * d, zero * d)
+
+    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Zero: the force is in quadrature with the deflection."""
+        return self.backbone(d)
+
+    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
+        r"""Energy per cycle :math:`\tfrac{8}{3} c\,\omega^2 |d|^3`, force x length.
+
+        Parameters
+        ----------
+        d : array_like
+            Amplitude, length.
+        omega : array_like
+            Circular frequency of the harmonic cycle, rad/s.
+
+        Raises
+        ------
+        InputError
+            When omega is not given.
+        """
+        if omega is None:
+            raise InputError(
+                "QuadraticDrag.dissipation needs omega= (rad/s): its loss depends on rate"
+            )
+        return 8.0 / 3.0 * self.c * real(omega) ** 2 * jnp.abs(real(d)) ** 3
+
+    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
+        """The in-phase part of the loop: zero."""
+        return self.backbone(d)
