@@ -30,11 +30,18 @@ From hammer hits to joint parameters:
   iwanjax posterior configs/modal_ringdown.yaml --out results/modal_ringdown
 From a model to its curves:
   iwanjax qsma      configs/three_mass.yaml     --out results/three_mass
+From a model to its response in time:
+  iwanjax simulate  configs/three_mass.yaml     --out results/three_mass
 """
 _QSMA_HELP = """Frequency and damping of each mode against amplitude, from a model.
 
 Quasi-static modal analysis of the study's structure, at the modes and load levels of its
 qsma section. Writes qsma.json, qsma.npz, qsma.png and a picture of each joint.
+"""
+_SIMULATE_HELP = """The response in time to impacts, sines, sweeps or recorded forces, from a model.
+
+Integrates the study's structure, or drives a joint on its own, for each case of its simulate
+section. Writes simulate.json (peaks, energies), simulate.npz and a picture of each case.
 """
 _CURVES_HELP = """Frequency and damping of each mode against amplitude, from recordings.
 
@@ -123,6 +130,12 @@ def posterior_verb(study: _Study, out: _Out) -> None:
 def qsma_verb(study: _Study, out: _Out) -> None:
     """Quasi-static modal analysis of a study, written into a folder."""
     _run("qsma", study, out)
+
+
+@app.command("simulate", help=_SIMULATE_HELP)
+def simulate_verb(study: _Study, out: _Out) -> None:
+    """The cases of a study integrated in time, written into a folder."""
+    _run("simulate", study, out)
 
 
 def _run(verb: str, study: Path, out: Path) -> None:

@@ -176,7 +176,7 @@ def test_version_and_help():
     assert run("--version").stdout == f"iwanjax {iwanjax.__version__}\n"
     text = run("--help").stdout
     assert "bolted joints" in text
-    for verb in ("curves", "fit", "posterior", "qsma"):
+    for verb in ("curves", "fit", "posterior", "qsma", "simulate"):
         assert f"  iwanjax {verb}" in text
         assert "STUDY" in run(verb, "--help").stdout
     assert "FILE" in run("inspect", "--help").stdout
@@ -209,7 +209,7 @@ def test_as_a_process_of_its_own(study, tmp_path):
     bad = process("qsma", "study.yaml", "--out", "bad")
     assert (bad.returncode, bad.stdout) == (2, "")
     assert bad.stderr == (
-        "study.yaml:1: nme: unknown key; expected one of name, model, recordings, qsma, modes, "
-        "bands, bounds, priors, values, fixed, ringdown, fit, posterior, noise, hypotheses, "
-        "budget, seed; did you mean 'name'?\n"
+        "study.yaml:1: nme: unknown key; expected one of name, model, recordings, qsma, simulate, "
+        "modes, bands, bounds, priors, values, fixed, ringdown, fit, posterior, noise, "
+        "hypotheses, budget, seed; did you mean 'name'?\n"
     )

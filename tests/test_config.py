@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from iwanjax.config import load_study
 from iwanjax.errors import InputError
-from iwanjax.joints import Iwan4, Iwan5
+from iwanjax.joints import Iwan4, Iwan5, LinearSpring
 from iwanjax.quasistatic import qsma
 from iwanjax.structures import three_mass
 
@@ -198,6 +198,86 @@ def test_the_shipped_config():
     deflection = np.abs(np.asarray(solution.deflection))
     assert np.all(deflection[:, 0] < 1e-2 * phi_max)
     assert np.all(deflection[:, -1] > 3.0 * phi_max)
+
+
+def test_the_shipped_impact():
+    study = load_study(ROOT / "configs" / "three_mass.yaml")
+    case: Any
+    (case,) = study.simulate
+    assert (case.settings.method, case.settings.steps) == ("newmark", 100_000)
+    omega, Phi = study.structure.modes()
+    assert_allclose(case.settings.excitation.circular, omega[2], rtol=1e-8)
+    assert_allclose(case.inputs, [[0, 1, 0]])
+    modal = Phi.T @ study.structure.structure.C @ Phi
+    assert_allclose(modal, np.diag(2e-4 * omega), rtol=1e-9, atol=1e-15)
+
+
+def test_the_shipped_sines_are_at_the_resonance_of_their_element():
+    """Thesis (4.38) and (4.41) at y0 = 1e-4."""
+    cases: dict[str, Any] = {
+        case.name: case
+        for case in load_study(ROOT / "configs" / "oscillator_five_parameter.yaml").simulate
+    }
+    for theta, label in ((1.0, "1"), (0.5, "05")):
+        up, down = cases[f"ring_up_theta_{label}"], cases[f"ring_down_theta_{label}"]
+        joint = up.structure.joints["J1"]
+        assert_allclose(joint.theta, theta)
+        assert_allclose([joint.R, joint.S, joint.phi_max], [7e5, 9e4, 6e-4], rtol=1e-12)
+        omega = np.sqrt(5e5 + float(joint.secant(1e-4)))
+        force = float(joint.dissipation(1e-4)) / (np.pi * 1e-4)
+        for case in (up, down):
+            assert_allclose(case.settings.excitation.circular, omega, rtol=1e-6)
+        assert_allclose(up.settings.excitation.amplitude, force, rtol=1e-5)
+        ramp = down.settings.excitation.amplitude
+        assert_allclose([ramp.start, ramp.to, ramp.duration], [6.0, force, 2.0], rtol=1e-5)
+    assert_allclose(cases["impact_theta_02"].structure.joints["J1"].theta, 0.2)
+    blow = cases["impact_theta_02"].settings.excitation
+    assert_allclose([blow.p, blow.circular], [100.0, 200.0 * np.pi])
+
+
+def test_the_shipped_drives():
+    cases: Any = load_study(ROOT / "configs" / "ring_up_ring_down.yaml").simulate
+    assert [case.joint for case in cases] == ["J1"] * 4
+    assert [float(case.structure.joints["J1"].theta) for case in cases] == [1.0, 1.0, 0.3, 0.3]
+    # All printed digits.
+    assert_allclose(cases[0].structure.joints["J1"].K_T, 99011.614, rtol=0, atol=5e-4)
+    assert_allclose(cases[0].structure.joints["J1"].F_S, 20.830562, rtol=0, atol=5e-7)
+
+
+@pytest.mark.parametrize(
+    ("joints", "stiffness"),
+    [
+        ("[{name: J1, type: jenkins, parameters: {F_S: 2, K_T: 3}}]", 3.0),
+        (
+            "[{name: J1, type: jenkins, parameters: {F_S: 2, K_T: 3}}, "
+            "{name: J2, row: J1, type: linear_spring, parameters: {k: 2}}]",
+            5.0,
+        ),
+    ],
+)
+def test_a_builder_s_damping_is_of_the_modes_with_the_study_s_joints(study_file, joints, stiffness):
+    text = f"{{builder: three_mass, options: {{zeta: 1e-2}}, joints: {joints}}}"
+    study = load_study(study_file(f"name: a\nmodel: {text}\n"))
+    expected = three_mass(joint=LinearSpring(k=stiffness), zeta=1e-2).structure.C
+    assert_allclose(study.structure.structure.C, expected, rtol=1e-10, atol=1e-14)
+    assert_allclose(study.model.structure.C, expected, rtol=1e-10, atol=1e-14)
+
+
+def test_a_case_or_a_list_of_cases(study_file):
+    case = "{name: a, dt: 0.1, samples: 5, drive: {amplitude: 1}}"
+    for text in (case, f"[{case}]"):
+        found: Any
+        (found,) = load_study(study_file(BUILDER + f"simulate: {text}\n")).simulate
+        assert (found.name, found.joint, found.settings.steps) == ("a", "J1", 4)
+        assert found.settings.drive.frequency == 1.0
+    assert load_study(study_file(BUILDER)).simulate == ()
+
+
+def test_a_joint_must_be_named_among_several(study_file):
+    second = "\n    - {name: J2, row: J1, type: linear_spring, parameters: {k: 2}}\nqsma:"
+    case = "simulate: {name: a, dt: 0.1, samples: 5, drive: {amplitude: 1}}\n"
+    path = study_file(BUILDER.replace("\nqsma:", second) + case)
+    check_refused(path, 14, ["simulate.drive", "'joint' is missing", "J1, J2"])
 
 
 @pytest.mark.parametrize("name", ["cubic_spring", "nothing_missing"])

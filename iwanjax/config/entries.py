@@ -45,7 +45,7 @@ def recording_entries(
 def _entry(source: Source, i: int, section: RecordingSection, names: Names) -> RecordingEntry:
     place: Place = ("recordings", i)
     _refuse_foreign(source, place, section)
-    path = _existing(source, (*place, "file"), section.file)
+    path = existing(source, (*place, "file"), section.file)
     if section.kind in _HISTORIES:
         _check_history(source, place, section)
     response = _response(source, (*place, "response"), section, names)
@@ -102,7 +102,8 @@ def _given(section: Section) -> list[str]:
     return [key for key in type(section).model_fields if key in section.model_fields_set]
 
 
-def _existing(source: Source, place: Place, file: str) -> Path:
+def existing(source: Source, place: Place, file: str) -> Path:
+    """The path of a file that is there, relative to the study's folder."""
     path = source.path.parent / file
     if path.is_file():
         return path

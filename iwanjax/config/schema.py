@@ -10,6 +10,7 @@ from iwanjax.config.qsma import QsmaSettings
 from iwanjax.config.recordings import RecordingSection
 from iwanjax.config.section import Band, Index, Pair, Positive, Section
 from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
+from iwanjax.config.simulate import SimulateSections
 
 _SOURCES = ("file", "builder", "modal")
 
@@ -74,6 +75,7 @@ class StudySection(Section):
     model: ModelSection
     recordings: tuple[RecordingSection, ...] = ()
     qsma: QsmaSettings | None = None
+    simulate: SimulateSections = ()
     modes: Annotated[tuple[Index, ...], Field(min_length=1)] | None = None
     bands: dict[str, Band] = Field(default_factory=dict)
     bounds: dict[str, Pair] = Field(default_factory=dict)

@@ -3,6 +3,7 @@
 import inspect
 import typing
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,24 +18,27 @@ from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.structures import SYSTEMS, JointedStructure
 from iwanjax.structures.model_file import Model, read_model
+from iwanjax.structures.systems import damped
 
 
 def model_of(source: Source, section: ModelSection) -> tuple[Model, JointedStructure]:
     """What a ``model:`` section with a file or a builder describes."""
     elements = [element_of(source, i, joint) for i, joint in enumerate(section.joints)]
-    model, own = _model(source, section, elements)
+    model, own, zeta = _model(source, section, elements)
     joints = _joints(source, section, elements, model.rows, own)
     with source.blamed("model"):
-        return model, JointedStructure(model.structure, joints)
+        # A builder's damping is that of its modes with these joints, not with its own.
+        structure = damped(model.structure, joints, zeta)
+    return replace(model, structure=structure.structure), structure
 
 
 def _model(
     source: Source, section: ModelSection, elements: Sequence[AbstractJoint]
-) -> tuple[Model, Mapping[str, AbstractJoint]]:
-    """The model, and the joints that a builder has put on its rows."""
+) -> tuple[Model, Mapping[str, AbstractJoint], float]:
+    """The model, the joints that a builder has put on its rows, and its damping ratio."""
     if section.file is not None:
         with source.blamed("model", "file"):
-            return read_model(source.path.parent / section.file), {}
+            return read_model(source.path.parent / section.file), {}, 0.0
     name = section.builder or ""
     builder = SYSTEMS.get(name)
     if builder is None:
@@ -63,7 +67,7 @@ def _model(
         named = [option for option in fields if f"{option} = " in str(error)]
         raise source.error(("model", "options", *named[:1]), str(error)) from None
     rows = dict(zip(system.labels, np.asarray(system.rows), strict=True))
-    return Model(system.structure, rows, {}, {}), system.joints
+    return Model(system.structure, rows, {}, {}), system.joints, options.get("zeta", 0.0)
 
 
 def _joints(

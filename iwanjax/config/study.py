@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from iwanjax.config.cases import SimulationCase, simulation_cases
 from iwanjax.config.entries import recording_entries
 from iwanjax.config.faults import one_of
 from iwanjax.config.modal import ModalMode, modal_modes
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 S = TypeVar("S", FitSettings, PosteriorSettings)
 
 # Sections that mean nothing without a structure.
-_STRUCTURAL = ("qsma", "modes", "bands")
+_STRUCTURAL = ("qsma", "simulate", "modes", "bands")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,8 @@ class Study:
         :meth:`parameters`.
     qsma : QsmaSettings or None
         The ``qsma:`` section.
+    simulate : tuple of SimulationCase
+        The cases of the ``simulate:`` section.
     ringdown : RingdownSettings
         How free decays become curves.
     fit : FitSettings
@@ -83,6 +86,7 @@ class Study:
     bands: dict[int, tuple[float, float]]
     changes: Mapping[str, ParameterChange]
     qsma: QsmaSettings | None
+    simulate: tuple[SimulationCase, ...]
     ringdown: RingdownSettings
     fit: FitSettings
     posterior: PosteriorSettings
@@ -135,8 +139,8 @@ def load_study(path: str | Path) -> Study:
         :data:`iwanjax.structures.SYSTEMS`, with ``joints``; or ``modal``, single modes.
         Optional are ``recordings``, what is analysed (``modes``, ``bands``), what is known
         of parameters (``bounds``, ``priors``, ``values``, ``fixed``), how it is done
-        (``qsma``, ``ringdown``, ``fit``, ``posterior``, ``seed``), and for a diagnosis
-        ``noise``, ``hypotheses`` and ``budget``.
+        (``qsma``, ``simulate``, ``ringdown``, ``fit``, ``posterior``, ``seed``), and for a
+        diagnosis ``noise``, ``hypotheses`` and ``budget``.
 
     Returns
     -------
@@ -152,7 +156,7 @@ def load_study(path: str | Path) -> Study:
     modal = modal_modes(source, section.model.modal or ())
     if modal:
         _refuse_structural(source, section)
-        model, structure = None, None
+        model, structure, cases = None, None, ()
         names = Names(modal=tuple(mode.name for mode in modal))
         changes = modal_changes(source, section, modal)
     else:
@@ -165,6 +169,7 @@ def load_study(path: str | Path) -> Study:
             inputs=tuple(model.inputs) if named else None,
         )
         changes = structural_changes(source, section, structure)
+        cases = simulation_cases(source, section.simulate, names, model, structure)
     names = replace(names, chosen=_modes(source, section, names))
     for label in section.noise:
         known(source, ("noise", label), label, names.sensors, "sensor")
@@ -180,6 +185,7 @@ def load_study(path: str | Path) -> Study:
         bands=_bands(source, section, names),
         changes=changes,
         qsma=section.qsma,
+        simulate=cases,
         ringdown=section.ringdown,
         fit=_seeded(section.fit, section.seed),
         posterior=_seeded(section.posterior, section.seed),

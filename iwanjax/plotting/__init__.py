@@ -6,6 +6,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from iwanjax.curves import ModalCurves
+from iwanjax.dynamics import ModalDecays, Transient
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.plotting.curves import plot_curves
@@ -14,6 +15,8 @@ from iwanjax.plotting.joints import plot_joint
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.quasistatic import plot_qsma
 from iwanjax.plotting.ringdown import plot_merged, plot_ringdown
+from iwanjax.plotting.single_mode import plot_decays, plot_modes
+from iwanjax.plotting.transient import plot_hysteresis, plot_transient
 from iwanjax.quasistatic import QsmaSolution
 from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
@@ -22,12 +25,16 @@ __all__ = [
     "plot",
     "plot_bands",
     "plot_curves",
+    "plot_decays",
     "plot_fit",
+    "plot_hysteresis",
     "plot_joint",
     "plot_merged",
+    "plot_modes",
     "plot_posterior",
     "plot_qsma",
     "plot_ringdown",
+    "plot_transient",
 ]
 
 # By name: their modules load the optimisers and emcee, which other figures do not need.
@@ -43,11 +50,12 @@ def plot(obj: Any, **options: Any) -> Figure:
 
     Parameters
     ----------
-    obj : joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, FitSolution or Posterior
-        What to draw.
+    obj : object
+        A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, Transient, ModalDecays,
+        FitSolution or Posterior.
     **options
         Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
-        :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_fit` or
+        :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_transient`, :func:`plot_fit` or
         :func:`plot_posterior`.
 
     Returns
@@ -65,7 +73,7 @@ def plot(obj: Any, **options: Any) -> Figure:
             return draw(obj, **options)
     raise InputError(
         f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
-        "RingDown, MergedCurves, FitSolution or Posterior"
+        "RingDown, MergedCurves, Transient, ModalDecays, FitSolution or Posterior"
     )
 
 
@@ -74,3 +82,5 @@ plot.register(ModalCurves, plot_curves)
 plot.register(QsmaSolution, plot_qsma)
 plot.register(RingDown, plot_ringdown)
 plot.register(MergedCurves, plot_merged)
+plot.register(Transient, plot_transient)
+plot.register(ModalDecays, plot_decays)
