@@ -1,5 +1,38 @@
 """Dynamics: jointed structures in time."""
 
+from iwanjax.dynamics.decays import ModalDecays, modal_decays
+from iwanjax.dynamics.excitations import (
+    base_input,
+    half_sine,
+    modal_input,
+    point_input,
+    ramp,
+    sine,
+    sweep,
+)
+from iwanjax.dynamics.nonlinear_modes import nonlinear_modes
+from iwanjax.dynamics.steady_state import (
+    HarmonicResponse,
+    controlled_response,
+    harmonic_response,
+)
 from iwanjax.dynamics.transient import Energies, Transient, simulate
 
-__all__ = ["Energies", "Transient", "simulate"]
+__all__ = [
+    "Energies",
+    "HarmonicResponse",
+    "ModalDecays",
+    "Transient",
+    "base_input",
+    "controlled_response",
+    "half_sine",
+    "harmonic_response",
+    "modal_decays",
+    "modal_input",
+    "nonlinear_modes",
+    "point_input",
+    "ramp",
+    "simulate",
+    "sine",
+    "sweep",
+]

@@ -11,6 +11,8 @@ from iwanjax.joints import AbstractDiscrete, Reaction
 from iwanjax.structures.small import solve_general
 
 _MOST_ITERATIONS = 60
+# Halved this far, a Newton step is given up.
+_LEAST_SHARE = 1.0 / 32.0
 # Of the joints' largest elastic force.
 _TOLERANCE = 1e-12
 
@@ -132,6 +134,7 @@ class StepEnd(NamedTuple):
 
 class _Trial(NamedTuple):
     g: Array
+    residual: Array
     step: Array
     share: Array
     size: Array
@@ -153,17 +156,21 @@ def balance(guess: Float[Array, " joints"], end: StepEnd) -> Float[Array, " join
         return ~trial.balanced & (trial.iterations < _MOST_ITERATIONS)
 
     def advance(trial: _Trial) -> _Trial:
-        g = trial.g + trial.share * trial.step
+        # Where a slider's force drops no step may help: the drop drives the joint on, so the
+        # plain iteration g -> K_ref d - F does.
+        stuck = trial.share < _LEAST_SHARE
+        g = trial.g + jnp.where(stuck, -trial.residual, trial.share * trial.step)
         d, v = end.ends(g)
         reaction = end.joints.step(d, v, end.dt, end.states)
         elastic = end.stiffness * d
         r = g - elastic + reaction.force
         size = jnp.max(jnp.abs(r))
         scale = jnp.max(jnp.abs(elastic) + jnp.abs(reaction.force))
-        better = size < trial.size
+        better = (size < trial.size) | stuck
         newton = _solved(end, reaction, -r)
         return _Trial(
             jnp.where(better, g, trial.g),
+            jnp.where(better, r, trial.residual),
             jnp.where(better, newton, trial.step),
             jnp.where(better, 1.0, 0.5 * trial.share),
             jnp.where(better, size, trial.size),
@@ -173,6 +180,7 @@ def balance(guess: Float[Array, " joints"], end: StepEnd) -> Float[Array, " join
 
     start = _Trial(
         guess,
+        jnp.zeros(m, guess.dtype),
         jnp.zeros(m, guess.dtype),
         jnp.ones((), guess.dtype),
         jnp.full((), jnp.inf, guess.dtype),

@@ -13,7 +13,7 @@ Method: TypeAlias = Literal["exact", "newmark"]
 
 # Below this omega dt a power series is used: the closed form divides by its square.
 _SLOW = 0.5
-_TERMS = 16
+_TERMS = 20
 
 
 class Propagator(NamedTuple):
@@ -153,17 +153,41 @@ def _closed(w2: Array, s: Array) -> tuple[Array, Array, Array, Array]:
     b = w2 - s**2
     size = jnp.sqrt(jnp.maximum(jnp.abs(b), 1e-30))
     under, decay = b > 0, jnp.exp(-s)
-    # exp(-s) cosh(x) = (exp(x - s) + exp(-x - s))/2 does not overflow: x < s.
+    # Two real decays: the slow rate from the product of both, without s - x.
     x = jnp.where(under, 0.0, size)
-    up, down = 0.5 * jnp.exp(x - s), 0.5 * jnp.exp(-x - s)
+    fast = -(s + x)
+    slow = jnp.where(under, 0.0, w2 / jnp.where(under, 1.0, fast))
+    up, down = 0.5 * jnp.exp(slow), 0.5 * jnp.exp(fast)
     c = jnp.where(under, decay * jnp.cos(size), up + down)
-    sine = jnp.where(under, decay * jnp.sin(size), up - down) / size
+    # Near critical damping up - down would keep few digits.
+    sine = jnp.where(under, decay * jnp.sin(size), -up * jnp.expm1(-2.0 * x)) / size
     # Critical damping itself: the sine's quotient tends to the decay.
     G = jnp.where(size < 1e-8, decay, sine)
     slope = c - s * G
-    w2 = jnp.where(w2 > 0, w2, 1.0)
+    # Strong damping: each decay has its integrals, for a rigid body's mode too.
+    strong = 2.0 * w2 < s**2
+    w2 = jnp.where(strong, 1.0, w2)
     J_1 = (1.0 - slope - 2.0 * s * G) / w2
-    return slope, G, J_1, (1.0 - G - 2.0 * s * J_1) / w2
+    J_2 = (1.0 - G - 2.0 * s * J_1) / w2
+    (first_slow, second_slow), (first_fast, second_fast) = _integrals(slow), _integrals(fast)
+    return (
+        slope,
+        G,
+        jnp.where(strong, (first_slow - first_fast) / (2.0 * size), J_1),
+        jnp.where(strong, (second_slow - second_fast) / (2.0 * size), J_2),
+    )
+
+
+def _integrals(rate: Array) -> tuple[Array, Array]:
+    """Of exp(rate t) from 0 to 1, once and twice."""
+    slow = jnp.abs(rate) < _SLOW
+    z = jnp.where(slow, rate, 0.0)
+    series = jnp.zeros_like(z)
+    for k in reversed(range(2, _TERMS)):
+        series = (1.0 + z * series) / k
+    z = jnp.where(slow, 1.0, rate)
+    twice = jnp.where(slow, series, (jnp.expm1(z) - z) / z**2)
+    return 1.0 + rate * twice, twice
 
 
 def _series(w2: Array, s: Array) -> tuple[Array, Array, Array, Array]:

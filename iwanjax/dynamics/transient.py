@@ -18,7 +18,6 @@ from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.joints.sliders import SLIDERS
 from iwanjax.structures import JointedStructure
-from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike, as_real, is_traced, require_double_precision
 
 Quantity: TypeAlias = Literal[
@@ -28,6 +27,10 @@ Quantity: TypeAlias = Literal[
 
 QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration", "joint_force")
 """What it keeps unless told otherwise."""
+
+
+# Share of a step in which joints are brought to their initial deflections.
+_AT_ONCE = 1e-9
 
 
 class Energies(NamedTuple):
@@ -167,7 +170,7 @@ def simulate(
     sensors : (sensors, n) or (n,) array_like, optional
         Rows that are kept; without it every coordinate is.
     displacement, velocity : (n,) array_like, optional
-        At t = 0. The joints have been brought there from zero without turning.
+        At t = 0. The joints have been brought there from zero at once, without turning.
     method : {"exact", "newmark"}
         Of integration.
     keep : sequence of str
@@ -196,8 +199,8 @@ def simulate(
     """
     require_double_precision("simulate")
     n = structure.structure.size
-    rows_in = np.eye(n) if inputs is None else _rows(inputs, "inputs", n)
-    rows_out = np.eye(n) if sensors is None else _rows(sensors, "sensors", n)
+    rows_in = jnp.eye(n) if inputs is None else _rows(inputs, "inputs", n)
+    rows_out = jnp.eye(n) if sensors is None else _rows(sensors, "sensors", n)
     f = _force(force, rows_in.shape[0])
     _check_numbers(dt, every, substeps, method, keep, f.shape[-2])
     initial = [
@@ -206,7 +209,7 @@ def simulate(
     ]
     if "energy" in keep and modes is not None:
         raise InputError("simulate: the energy needs all modes; leave modes= out")
-    modal = modal_coordinates(structure, jnp.asarray(rows_in), jnp.asarray(rows_out), modes)
+    modal = modal_coordinates(structure, rows_in, rows_out, modes)
     step = jnp.asarray(dt / substeps, f.dtype)
     by = propagator(modal.omega2, modal.C, step, method)
     start = [modal.Phi.T @ (structure.structure.M @ given) for given in initial]
@@ -335,7 +338,7 @@ def _integrate(
 def _first(
     modal: ModalCoordinates, joints: Joints, f: Array, start: list[Array], dt: Array
 ) -> _Point:
-    """The state at t = 0: joints brought to their deflections without turning."""
+    """The state at t = 0: joints brought to their deflections at once, without turning."""
     q, v = start
     m = joints.count
     end = StepEnd(
@@ -346,7 +349,7 @@ def _first(
         modal.R_dg,
         jnp.zeros((m, m), q.dtype),
         modal.stiffness,
-        dt,
+        _AT_ONCE * dt,
     )
     g = balance(jnp.zeros(m, q.dtype), end)
     return _Point(q, v, f, g, g, end.react(g).state, jnp.zeros(4, q.dtype))
@@ -395,8 +398,8 @@ def _accounts(rows: Array) -> Energies:
     )
 
 
-def _rows(rows: ArrayLike, name: str, n: int) -> np.ndarray:
-    checked = np.atleast_2d(finite_array(rows, name))
+def _rows(rows: ArrayLike, name: str, n: int) -> Array:
+    checked = jnp.atleast_2d(as_real(rows, name))
     if checked.ndim != 2 or checked.shape[1] != n:
         raise InputError(f"{name} has shape {checked.shape}; expected (rows, {n}) like M")
     return checked
@@ -426,10 +429,11 @@ def _force(force: ArrayLike, inputs: int) -> Array:
 def _check_numbers(
     dt: float, every: int, substeps: int, method: str, keep: Sequence[str], samples: int
 ) -> None:
-    if is_traced(dt) or not math.isfinite(dt) or dt <= 0:
+    step = as_real(dt, "dt")
+    if is_traced(step) or step.ndim or float(step) <= 0:
         raise InputError(f"simulate: dt = {dt}; expected a positive number")
     for name, value in (("every", every), ("substeps", substeps)):
-        if not isinstance(value, int) or value < 1:
+        if not isinstance(value, int | np.integer) or value < 1:
             raise InputError(f"simulate: {name} = {value!r}; expected a whole number, at least 1")
     if every >= samples:
         raise InputError(f"simulate: every = {every}, but there are {samples} samples")

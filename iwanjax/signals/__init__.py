@@ -7,6 +7,7 @@ from iwanjax.signals.hilbert import RingDown, ringdown, ringdown_curves
 from iwanjax.signals.merge import MergedCurves, merge_curves
 from iwanjax.signals.readers import read_recording, read_recordings
 from iwanjax.signals.recording import Channel, Recording
+from iwanjax.signals.response_control import resonance_from_control
 
 __all__ = [
     "Channel",
@@ -20,6 +21,7 @@ __all__ = [
     "read_curves",
     "read_recording",
     "read_recordings",
+    "resonance_from_control",
     "ringdown",
     "ringdown_curves",
 ]
