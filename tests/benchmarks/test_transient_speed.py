@@ -126,7 +126,7 @@ def test_beam_with_1000_sliders(benchmark, capsys):
     told = {}
     for modes in (None, 20):
 
-        def integrate(modes=modes) -> jax.Array:
+        def integrate(modes=modes) -> jax.Array | None:
             return ij.simulate(
                 js, force, dt, inputs=row, sensors=row, modes=modes, keep=("velocity",)
             ).velocity
