@@ -112,7 +112,7 @@ class _Options(NamedTuple):
     keep: tuple[Quantity, ...]
     every: int
     substeps: int
-    sliders: int
+    sliders: int | None
 
 
 class _Point(NamedTuple):
@@ -141,7 +141,7 @@ def simulate(
     every: int = 1,
     substeps: int = 1,
     modes: int | None = None,
-    sliders: int = SLIDERS,
+    sliders: int | None = SLIDERS,
 ) -> Transient:
     r"""Integrate :math:`M\ddot u + C\dot u + Ku + \sum_j b_jF_j(b_j^Tu) = f(t)` in time.
 
@@ -182,8 +182,9 @@ def simulate(
         Steps from one sample to the next, with forces in between on a straight line.
     modes : int, optional
         Elastic modes to integrate, the others by their static flexibility; by default all.
-    sliders : int
-        Of an Iwan joint.
+    sliders : int or None
+        Of an Iwan joint. None integrates four-parameter ones in closed form, on a stack of
+        reversals: smooth in the parameters, but their energy is not known.
 
     Returns
     -------

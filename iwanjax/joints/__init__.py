@@ -13,6 +13,7 @@ from iwanjax.joints.iwan5 import Iwan5
 from iwanjax.joints.jenkins import Jenkins
 from iwanjax.joints.masing import masing_dissipation, masing_loading
 from iwanjax.joints.maxwell import Maxwell
+from iwanjax.joints.reversals import Reversals
 from iwanjax.joints.sliders import SliderBank
 from iwanjax.joints.springs import (
     BilinearSpring,
@@ -43,6 +44,7 @@ __all__ = [
     "QuadraticDrag",
     "QuadraticSpring",
     "Reaction",
+    "Reversals",
     "SliderBank",
     "Tabulated",
     "hysteresis",

@@ -164,13 +164,14 @@ class AbstractJoint(eqx.Module):
         mean = -jnp.mean(self.loading(-safe * cosine, safe) * cosine, axis=0)
         return jnp.where(at_rest, self.initial_stiffness, 2.0 * mean / safe)
 
-    def discrete(self, sliders: int = SLIDERS) -> AbstractDiscrete:
+    def discrete(self, sliders: int | None = SLIDERS) -> AbstractDiscrete:
         """The element in motion, for integration in time; one parameter set.
 
         Parameters
         ----------
-        sliders : int
-            For elements that are made of sliders; the others have none.
+        sliders : int or None
+            For elements that are made of sliders; the others have none. None asks for the
+            closed form instead, where there is one.
 
         Returns
         -------

@@ -46,7 +46,7 @@ class QuadraticDrag(AbstractJoint):
         """Zero."""
         return jnp.zeros_like(self.c)
 
-    def discrete(self, sliders: int = 0) -> Viscous:
+    def discrete(self, sliders: int | None = None) -> Viscous:
         """The force follows the rate."""
         return Viscous(self)
 

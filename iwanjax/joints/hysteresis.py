@@ -18,7 +18,7 @@ def hysteresis(
     joint: AbstractJoint | AbstractDiscrete,
     d_history: ArrayLike,
     *,
-    sliders: int = SLIDERS,
+    sliders: int | None = SLIDERS,
     dt: float | None = None,
 ) -> Float[Array, "..."]:
     """Force of an element along a history of deflections, from rest at d = 0 on.
@@ -33,8 +33,9 @@ def hysteresis(
         :class:`~iwanjax.joints.SliderBank` of one's own.
     d_history : (..., N) array_like
         Deflections, length; leading axes are histories of their own.
-    sliders : int
-        Sliders that stand for an Iwan element.
+    sliders : int or None
+        Sliders that stand for an Iwan element; None takes the closed form of a
+        four-parameter one (:class:`~iwanjax.joints.Reversals`).
     dt : float, optional
         Time between two values, for elements whose force depends on rate.
 
@@ -61,7 +62,7 @@ def hysteresis(
             "between two values"
         )
     step = as_real(1.0 if dt is None else dt, "dt")
-    if step.ndim or (not is_traced(step) and not step > 0):
+    if step.ndim or not (dt is None or is_traced(dt) or float(dt) > 0):
         raise InputError(f"hysteresis: dt = {dt}; expected a positive number")
     return _driven(element, d.reshape(-1, d.shape[-1]), step).reshape(d.shape)
 

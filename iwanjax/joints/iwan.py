@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from iwanjax.joints.abstract import AbstractJoint, ParameterInfo
+from iwanjax.joints.discrete import AbstractDiscrete
 from iwanjax.joints.sliders import SLIDERS, SliderBank, iwan_sliders
 from iwanjax.types import ArrayLike, as_real
 
@@ -98,7 +99,7 @@ class AbstractIwan(AbstractJoint):
         """Strength of the Dirac slider, force/length (A.5)."""
         return distribution_of(self.F_S, self.K_T, self.chi, self.beta)[1]
 
-    def discrete(self, sliders: int = SLIDERS) -> SliderBank:
+    def discrete(self, sliders: int | None = SLIDERS) -> AbstractDiscrete:
         """A bank of sliders with K_T and F_S of the element (thesis Sec. 4.2.3).
 
         Parameters
@@ -107,7 +108,8 @@ class AbstractIwan(AbstractJoint):
             The default is within 0.2 % of the element's dissipation for strokes from a
             thousandth of phi_max on.
         """
-        phi, k = iwan_sliders(self.K_T, self.chi, self.beta, self.phi_max, sliders)
+        count = SLIDERS if sliders is None else sliders
+        phi, k = iwan_sliders(self.K_T, self.chi, self.beta, self.phi_max, count)
         return SliderBank(phi, k, self.kinetic_share[..., None])
 
     @property

@@ -9,9 +9,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.discrete import AbstractDiscrete
 from iwanjax.joints.iwan import IWAN_PARAMETERS, AbstractIwan, physical_of
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.power import power
+from iwanjax.joints.reversals import Reversals
+from iwanjax.joints.sliders import SLIDERS
 from iwanjax.types import ArrayLike, real
 
 # Gauss-Legendre nodes of tau in (0, pi/2), for the first harmonic.
@@ -180,6 +183,17 @@ class Iwan4(AbstractIwan):
             + self._remaining * jnp.sin(theta)
         ) * (4.0 / jnp.pi * y)
         return self.K_T * jnp.where(slips, macro, micro)
+
+    def discrete(self, sliders: int | None = SLIDERS) -> AbstractDiscrete:
+        """A bank of sliders, or with None the closed form on a stack of reversals.
+
+        Parameters
+        ----------
+        sliders : int or None
+            The default is within 0.2 % of the element's dissipation for strokes from a
+            thousandth of phi_max on.
+        """
+        return Reversals(self) if sliders is None else super().discrete(sliders)
 
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """Loading branch of the steady loop of amplitude d_0, by Masing's rule."""

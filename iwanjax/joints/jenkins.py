@@ -43,7 +43,7 @@ class Jenkins(AbstractJoint):
         """Zero: the force stays at F_S."""
         return jnp.zeros_like(self.K_T)
 
-    def discrete(self, sliders: int = SLIDERS) -> SliderBank:
+    def discrete(self, sliders: int | None = SLIDERS) -> SliderBank:
         """A bank of one slider."""
         one = jnp.ones_like(self.K_T)[..., None]
         return SliderBank((self.F_S / self.K_T)[..., None], self.K_T[..., None], one)

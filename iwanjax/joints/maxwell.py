@@ -62,7 +62,7 @@ class Maxwell(AbstractJoint):
         """Zero."""
         return jnp.zeros_like(self.k * self.c)
 
-    def discrete(self, sliders: int = 0) -> "Relaxing":
+    def discrete(self, sliders: int | None = None) -> "Relaxing":
         """The force relaxes while it is built up."""
         return Relaxing(self.k, self.c)
 

@@ -1,0 +1,118 @@
+"""Masing elements without sliders: a stack of reversals and closed-form branches between them."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.joints.discrete import AbstractDiscrete, Reaction
+
+_DEPTH = 32
+
+
+class MasingJoint(Protocol):
+    """An element whose loops follow from its virgin curve."""
+
+    def law(self) -> Callable[[Array], tuple[Array, Array]]:
+        """The virgin curve d -> (force, tangent)."""
+        ...
+
+
+class ReversalState(NamedTuple):
+    """What the element remembers.
+
+    Attributes
+    ----------
+    d, force : array
+        Where it is.
+    direction : array
+        1 or -1, the way it moves; 0 before it has moved.
+    tips, forces : (depth,) array
+        Deflections and forces of the reversals whose loops are still open, oldest first.
+    depth : array
+        How many of them.
+    """
+
+    d: Array
+    force: Array
+    direction: Array
+    tips: Float[Array, " depth"]
+    forces: Float[Array, " depth"]
+    depth: Array
+
+
+class Reversals(AbstractDiscrete):
+    r"""Masing's rules for any history (Masing 1926; thesis Sec. 3.2.3 has the steady loop).
+
+    After a reversal at :math:`(d_r, F_r)` the force follows the virgin curve magnified by two,
+
+    .. math:: F = F_r + 2F_0\!\left(\frac{d - d_r}{2}\right),
+
+    and where it meets the tip of an earlier loop that loop is closed and forgotten: the branch
+    on which it was opened goes on. No sliders, so no error of discretisation, and a force that
+    is smooth in the parameters. Of a decay without end the outermost loop and the latest ones
+    are kept, 32 reversals in all. What it stores and loses is not known: NaN.
+
+    Parameters
+    ----------
+    joint : joint
+        With an odd virgin curve.
+    """
+
+    joint: MasingJoint
+
+    def init(self) -> ReversalState:
+        """At rest on the virgin curve."""
+        zero = self.joint.law()(jnp.zeros(()))[0] * 0.0
+        none = jnp.zeros(_DEPTH) + zero
+        return ReversalState(zero, zero, zero, none, none, jnp.zeros((), jnp.int32))
+
+    def step(self, d: Array, v: Array, dt: Array, state: ReversalState) -> Reaction:
+        """Move to d: exact for any motion that does not turn on the way. Its loss is NaN."""
+        moved = d - state.d
+        heading = jnp.where(moved == 0.0, state.direction, jnp.sign(moved))
+        tips, forces, count = _pushed(state, heading * state.direction < 0.0)
+        # The branch may meet every second tip below the last: those it closes, with their mates.
+        place = np.arange(_DEPTH)
+        target = (place < count) & ((count - place) % 2 == 0)
+        passed = target & (heading * (d - tips) >= 0.0)
+        count = count - 2 * jnp.sum(passed, dtype=count.dtype)
+        # A mirror image alone is no reversal: beyond its mate the virgin curve goes on.
+        count = jnp.where(count == 1, 0, count)
+        last = jnp.maximum(count - 1, 0)
+        virgin = count == 0
+        d_r = jnp.where(virgin, 0.0, tips[last])
+        F_r = jnp.where(virgin, 0.0, forces[last])
+        scale = jnp.where(virgin, 1.0, 2.0)
+        half, tangent = self.joint.law()((d - d_r) / scale)
+        force = F_r + scale * half
+        unknown = jnp.full_like(force, jnp.nan)
+        kept = ReversalState(d, force, heading, tips, forces, count)
+        return Reaction(force, tangent, jnp.zeros_like(force), kept, unknown)
+
+    def energy(self, d: Array, state: ReversalState) -> Array:
+        """Not known without sliders: NaN."""
+        return jnp.full_like(d, jnp.nan)
+
+
+def _pushed(state: ReversalState, turned: Array) -> tuple[Array, Array, Array]:
+    """The stack with the point of a reversal on it.
+
+    The first reversal brings its mirror image along, where the virgin curve goes on.
+    """
+    full = turned & (state.depth > _DEPTH - 2)
+    tips, forces = (
+        jnp.where(full, jnp.concatenate([x[:2], x[4:], x[:2]]), x)
+        for x in (state.tips, state.forces)
+    )
+    count = state.depth - 2 * full
+    first = turned & (count == 0)
+    place = np.arange(_DEPTH)
+
+    def put(x: Array, value: Array) -> Array:
+        x = jnp.where(first & (place == 0), -value, x)
+        return jnp.where(turned & (place == count + first), value, x)
+
+    return put(tips, state.d), put(forces, state.force), count + turned + first
