@@ -99,18 +99,21 @@ class AbstractIwan(AbstractJoint):
         """Strength of the Dirac slider, force/length (A.5)."""
         return distribution_of(self.F_S, self.K_T, self.chi, self.beta)[1]
 
-    def discrete(self, sliders: int | None = SLIDERS) -> AbstractDiscrete:
+    def slider_bank(self, sliders: int = SLIDERS) -> SliderBank:
         """A bank of sliders with K_T and F_S of the element (thesis Sec. 4.2.3).
 
         Parameters
         ----------
         sliders : int
             The default is within 0.2 % of the element's dissipation for strokes from a
-            thousandth of phi_max on.
+            thousandth of phi_max on, where kinetic and static friction are the same.
         """
-        count = SLIDERS if sliders is None else sliders
-        phi, k = iwan_sliders(self.K_T, self.chi, self.beta, self.phi_max, count)
+        phi, k = iwan_sliders(self.K_T, self.chi, self.beta, self.phi_max, sliders)
         return SliderBank(phi, k, self.kinetic_share[..., None])
+
+    def discrete(self, sliders: int | None = SLIDERS) -> AbstractDiscrete:
+        """:meth:`slider_bank`; None asks for the default number."""
+        return self.slider_bank(SLIDERS if sliders is None else sliders)
 
     @property
     def kinetic_share(self) -> Array:

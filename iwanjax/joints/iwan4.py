@@ -190,8 +190,7 @@ class Iwan4(AbstractIwan):
         Parameters
         ----------
         sliders : int or None
-            The default is within 0.2 % of the element's dissipation for strokes from a
-            thousandth of phi_max on.
+            As for :meth:`slider_bank`.
         """
         return Reversals(self) if sliders is None else super().discrete(sliders)
 

@@ -86,7 +86,7 @@ def opensees(bank: SliderBank, steps: int) -> tuple[float, np.ndarray]:
 def test_three_masses_with_100_sliders(benchmark, capsys):
     """Target: 5 microseconds a step."""
     js = ij.three_mass()
-    bank = js.joints["J1"].discrete(100)
+    bank = ij.Iwan4(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0).slider_bank(100)
     force, row = hit(STEPS), point_input(js, 1)
     found = {}
 

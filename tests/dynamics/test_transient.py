@@ -149,7 +149,7 @@ def test_newmark_against_a_plain_loop(theta):
     joint = ij.Iwan5(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0, theta=theta)
     js, dt = ij.three_mass(joint=joint, zeta=1e-3), 0.05
     force = np.outer(hit(500, dt, 400.0), [0.0, 1.0, 0.0])
-    sliders = joint.discrete(50)
+    sliders = joint.slider_bank(50)
     phi, k = np.asarray(sliders.phi), np.asarray(sliders.k)
     keep = ["displacement", "velocity", "acceleration", "joint_force", "joint_deflection"]
     found = ij.simulate(js, force, dt, method="newmark", sliders=50, keep=keep)

@@ -58,7 +58,7 @@ def test_where_friction_drops_the_graded_grid_is_right_to_one_drop(sliders):
     number of sliders, 5e-4 with ten thousand; the first order in their width.
     """
     joint, u = iwan5(0.3), np.geomspace(1e-5, 5.9e-4, 40)
-    grid = joint.discrete(sliders)
+    grid = joint.slider_bank(sliders)
     drop = 0.7 * float(jnp.max((grid.k * grid.phi)[:-1]))
     K, _ = cycles(joint, u, sliders)
     assert np.all(np.abs(K - np.asarray(joint.secant(u))) * u <= drop)
