@@ -1,5 +1,7 @@
 """Frequency and damping of a mode against its amplitude, measured or predicted."""
 
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
@@ -88,10 +90,11 @@ class ModalCurves(eqx.Module):
         -------
         ModalCurves
         """
-        factor = real(factor)
-        deviation = self.amplitude_std
+        factor, amplitude, deviation = (
+            _plain(each) for each in (factor, self.amplitude, self.amplitude_std)
+        )
         return ModalCurves(
-            self.amplitude * factor,
+            amplitude * factor,
             self.frequency,
             self.damping,
             amplitude_std=None if deviation is None else deviation * factor,
@@ -134,7 +137,7 @@ class ModalCurves(eqx.Module):
                     "converted"
                 )
         power = derivatives[quantity] - derivatives[self.quantity]
-        return self.scaled((2.0 * np.pi * self.frequency) ** power, quantity, unit)
+        return self.scaled((2.0 * np.pi * _plain(self.frequency)) ** power, quantity, unit)
 
     def _matched(self, value: ArrayLike, name: str) -> Array:
         array = real(value)
@@ -152,3 +155,8 @@ class ModalCurves(eqx.Module):
         if not is_traced(array) and np.any(np.asarray(array) < 0):
             raise InputError(f"ModalCurves: {name} holds a negative standard deviation")
         return array
+
+
+def _plain(value: Any) -> Any:
+    """An array as NumPy's, unless it is being traced: JAX would compile for every new shape."""
+    return value if value is None or is_traced(value) else np.asarray(value)

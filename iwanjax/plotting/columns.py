@@ -89,7 +89,7 @@ def offset(measured: ModalCurves, frequency: object) -> float:
 
 def _at(model: ModalOscillator, curve: ModalCurves) -> ModalCurves:
     """An oscillator at the amplitudes of a curve."""
-    f, zeta = model.frequency_and_damping(curve.as_quantity("displacement").amplitude)
+    f, zeta = model.ringdown_frequency_and_damping(curve.as_quantity("displacement").amplitude)
     return ModalCurves(
         curve.amplitude, f, zeta, quantity=curve.quantity, unit=curve.unit, name=curve.name
     )
@@ -100,8 +100,8 @@ def _smooth(solution: "FitSolution", hits: Sequence[ModalCurves]) -> ModalCurves
     assert isinstance(solution.model, ModalOscillator)
     q = np.concatenate([np.asarray(hit.as_quantity("displacement").amplitude) for hit in hits])
     q = q[np.isfinite(q)]
-    at = jnp.geomspace(q.min() / _BEYOND, q.max() * _BEYOND, _LEVELS)
-    f, zeta = solution.model.frequency_and_damping(at)
+    at = jnp.asarray(np.geomspace(q.min() / _BEYOND, q.max() * _BEYOND, _LEVELS))
+    f, zeta = solution.model.ringdown_frequency_and_damping(at)
     f_std, zeta_std = _deviations(solution, at)
     line = ModalCurves(
         at, f, zeta, frequency_std=f_std, damping_std=zeta_std, quantity="displacement"
@@ -152,7 +152,7 @@ def _slopes(problem: "AbstractProblem", theta: Array, q: Array | None) -> tuple[
             return problem.predict(theta)
         model = problem.model(theta)
         assert isinstance(model, ModalOscillator)
-        return model.frequency_and_damping(q)
+        return model.ringdown_frequency_and_damping(q)
 
     return jax.jacfwd(predict)(theta)
 
