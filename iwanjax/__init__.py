@@ -46,8 +46,10 @@ if TYPE_CHECKING:
         load_study,
     )
     from iwanjax.discrepancy import (
+        Diagnosis,
         ModeComparison,
         compare_modes,
+        diagnose,
     )
     from iwanjax.dynamics import (
         Energies,
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
         plot_bands,
         plot_curves,
         plot_decays,
+        plot_diagnosis,
         plot_fit,
         plot_hysteresis,
         plot_joint,
@@ -113,7 +116,9 @@ __version__ = "0.1.0"
 _LATER = {
     "Study": "iwanjax.config",
     "load_study": "iwanjax.config",
+    "Diagnosis": "iwanjax.discrepancy",
     "ModeComparison": "iwanjax.discrepancy",
+    "diagnose": "iwanjax.discrepancy",
     "compare_modes": "iwanjax.discrepancy",
     "Energies": "iwanjax.dynamics",
     "HarmonicResponse": "iwanjax.dynamics",
@@ -128,6 +133,7 @@ _LATER = {
     "plot_bands": "iwanjax.plotting",
     "plot_curves": "iwanjax.plotting",
     "plot_decays": "iwanjax.plotting",
+    "plot_diagnosis": "iwanjax.plotting",
     "plot_fit": "iwanjax.plotting",
     "plot_hysteresis": "iwanjax.plotting",
     "plot_joint": "iwanjax.plotting",
@@ -172,6 +178,7 @@ __all__ = [
     "CoupledModes",
     "CubicSpring",
     "Dashpot",
+    "Diagnosis",
     "Energies",
     "Exponents",
     "FitSolution",
@@ -213,6 +220,7 @@ __all__ = [
     "compare_modes",
     "controlled_response",
     "coupled_modes",
+    "diagnose",
     "fit",
     "free_exponents",
     "harmonic_response",
@@ -228,6 +236,7 @@ __all__ = [
     "plot_bands",
     "plot_curves",
     "plot_decays",
+    "plot_diagnosis",
     "plot_fit",
     "plot_hysteresis",
     "plot_joint",

@@ -11,7 +11,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -28,6 +28,8 @@ From hammer hits to joint parameters:
   iwanjax curves    configs/modal_ringdown.yaml --out results/modal_ringdown
   iwanjax fit       configs/modal_ringdown.yaml --out results/modal_ringdown
   iwanjax posterior configs/modal_ringdown.yaml --out results/modal_ringdown
+From a model and recordings to what the model lacks:
+  iwanjax diagnose  study.yaml                  --out results/study
 From a model to its curves:
   iwanjax qsma      configs/three_mass.yaml     --out results/three_mass
 From a model to its response in time:
@@ -57,6 +59,12 @@ _POSTERIOR_HELP = """Joint parameters from recordings, as a sampled posterior (e
 
 Fits first. Shows a progress bar; interrupted, even killed, the same command goes on where
 it was. Writes report.html, posterior.json, posterior.npz, the chains (.h5) and pictures.
+"""
+_DIAGNOSE_HELP = """What a model is missing, by its recordings with force.
+
+Refits the joints, then looks for a force that they cannot explain: where, of which kind, and
+how much better held-out recordings are predicted with it. Writes report.html, diagnosis.json
+and a picture. So far one effect at a time, of ten kinds that act on a row of the model.
 """
 _INSPECT_HELP = """What a file holds: arrays, recordings, channels, rates, noise, clipping."""
 
@@ -126,6 +134,19 @@ def posterior_verb(study: _Study, out: _Out) -> None:
     _run("posterior", study, out)
 
 
+@app.command("diagnose", help=_DIAGNOSE_HELP)
+def diagnose_verb(
+    study: _Study,
+    out: _Out,
+    budget: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", min=1.0, help="Time to spend; the best verdict so far."),
+    ] = None,
+) -> None:
+    """What a study's model is missing, written into a folder."""
+    _run("diagnose", study, out, budget=budget)
+
+
 @app.command("qsma", help=_QSMA_HELP)
 def qsma_verb(study: _Study, out: _Out) -> None:
     """Quasi-static modal analysis of a study, written into a folder."""
@@ -138,7 +159,7 @@ def simulate_verb(study: _Study, out: _Out) -> None:
     _run("simulate", study, out)
 
 
-def _run(verb: str, study: Path, out: Path) -> None:
+def _run(verb: str, study: Path, out: Path, **options: Any) -> None:
     """Load the study, do the verb, say what came of it."""
     with _one_line_errors():
         _set_up()
@@ -148,7 +169,7 @@ def _run(verb: str, study: Path, out: Path) -> None:
         loaded = load_study(study)
         module = importlib.import_module(f"iwanjax.verbs.{verb}")
         writable(out)
-        for line in module.run(loaded, out):
+        for line in module.run(loaded, out, **options):
             typer.echo(line)
 
 

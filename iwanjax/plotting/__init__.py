@@ -6,10 +6,12 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from iwanjax.curves import ModalCurves
+from iwanjax.discrepancy import Diagnosis
 from iwanjax.dynamics import ModalDecays, Transient
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.plotting.curves import plot_curves
+from iwanjax.plotting.diagnosis import plot_diagnosis
 from iwanjax.plotting.fit import plot_fit
 from iwanjax.plotting.joints import plot_joint
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
@@ -26,6 +28,7 @@ __all__ = [
     "plot_bands",
     "plot_curves",
     "plot_decays",
+    "plot_diagnosis",
     "plot_fit",
     "plot_hysteresis",
     "plot_joint",
@@ -52,7 +55,7 @@ def plot(obj: Any, **options: Any) -> Figure:
     ----------
     obj : object
         A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, Transient, ModalDecays,
-        FitSolution or Posterior.
+        Diagnosis, FitSolution or Posterior.
     **options
         Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
         :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_transient`, :func:`plot_fit` or
@@ -73,7 +76,8 @@ def plot(obj: Any, **options: Any) -> Figure:
             return draw(obj, **options)
     raise InputError(
         f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
-        "RingDown, MergedCurves, Transient, ModalDecays, FitSolution or Posterior"
+        "RingDown, MergedCurves, Transient, ModalDecays, "
+        "Diagnosis, FitSolution or Posterior"
     )
 
 
@@ -84,3 +88,4 @@ plot.register(RingDown, plot_ringdown)
 plot.register(MergedCurves, plot_merged)
 plot.register(Transient, plot_transient)
 plot.register(ModalDecays, plot_decays)
+plot.register(Diagnosis, plot_diagnosis)

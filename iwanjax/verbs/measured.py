@@ -205,6 +205,11 @@ def _hits(
                 yield key, Hit(name, found.curves, found)
 
 
+def recordings_of(entry: RecordingEntry) -> list[Recording]:
+    """All recordings of an entry, faults told with its place in the study."""
+    return [recording for _, recording in _blamed(entry, lambda: _recordings(entry))]
+
+
 def _recordings(entry: RecordingEntry) -> list[tuple[int, Recording]]:
     response = entry.response
     options: dict = {

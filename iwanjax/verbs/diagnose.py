@@ -1,0 +1,210 @@
+"""The verb ``diagnose``: what a study's model is missing, by its recordings."""
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iwanjax.config import Study
+from iwanjax.discrepancy import Diagnosis, Transient, diagnose
+from iwanjax.errors import InputError
+from iwanjax.plotting import plot_diagnosis
+from iwanjax.report.page import Section, Table, render
+from iwanjax.signals import Recording
+from iwanjax.verbs.measured import recordings_of
+from iwanjax.verbs.output import results, save, version, write_json
+
+
+def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
+    """Write diagnosis.json, a picture and report.html; lines for the screen."""
+    model, structure = study.model, study.structure
+    if model is None or structure is None:
+        raise InputError(
+            f"{study.path}: diagnose needs a structure so far, model.file with joints; this study "
+            "has single modes"
+        )
+    if not model.rows or not model.sensors or not model.inputs:
+        raise InputError(
+            f"{study.path}: diagnose needs a model file with rows, sensor_rows and input_rows"
+        )
+    found = [
+        (entry, recording)
+        for entry in study.recordings
+        if entry.kind == "transient"
+        for recording in recordings_of(entry)
+    ]
+    if not found:
+        raise InputError(
+            f"{study.path}: no recordings of kind transient; diagnose needs time histories with "
+            "force so far"
+        )
+    sensors, quantity, rate = _common(study, [recording for _, recording in found])
+    transients = [
+        Transient(
+            entry.name,
+            np.asarray(recording.response),
+            _forces(study, recording, entry.place),
+            entry.use,
+        )
+        for entry, recording in found
+    ]
+    limit = budget if budget is not None else study.budget
+    verdict = diagnose(
+        structure,
+        transients,
+        rate,
+        places=model.rows,
+        inputs=np.stack(list(model.inputs.values())),
+        sensors=np.stack([model.sensors[name] for name in sensors]),
+        quantity=quantity,
+        hypotheses=study.hypotheses,
+        noise=[study.noise.get(name, math.nan) for name in sensors],
+        budget=math.inf if limit is None else limit,
+        seed=study.seed,
+        progress=lambda line: print(f"  {line}", file=sys.stderr, flush=True),
+    )
+    with results(out) as folder:
+        picture = save(plot_diagnosis(verdict), folder / "diagnosis.png")
+        write_json(folder / "diagnosis.json", told(study.name, verdict))
+        page = _report(study.name, verdict, picture)
+        (folder / "report.html").write_text(page, encoding="utf-8")
+    return [verdict.statement(), f"wrote {out / 'report.html'}"]
+
+
+def _common(study: Study, recordings: list[Recording]) -> tuple[list[str], Any, float]:
+    """Sensors, quantity and sampling rate that all recordings have in common."""
+    assert study.model is not None
+    first = recordings[0]
+    names = [channel.name for channel in first.channels]
+    quantities = {channel.quantity for recording in recordings for channel in recording.channels}
+    for recording in recordings:
+        if [channel.name for channel in recording.channels] != names:
+            raise InputError(
+                f"{study.path}: recordings with different sensors; expected {', '.join(names)} in "
+                "all"
+            )
+        if not math.isclose(recording.sampling_rate, first.sampling_rate, rel_tol=1e-6):
+            raise InputError(
+                f"{study.path}: recordings of {first.sampling_rate:g} and "
+                f"{recording.sampling_rate:g} Hz; expected one sampling rate"
+            )
+    unknown = [name for name in names if name not in study.model.sensors]
+    if unknown:
+        raise InputError(
+            f"{study.path}: sensor {unknown[0]!r} is not in the model; it has "
+            f"{', '.join(study.model.sensors)}"
+        )
+    if len(quantities) != 1 or not quantities <= {"acceleration", "velocity", "displacement"}:
+        raise InputError(
+            f"{study.path}: sensors measure {', '.join(sorted(map(str, quantities)))}; expected "
+            "all acceleration, velocity or displacement"
+        )
+    return names, quantities.pop(), first.sampling_rate
+
+
+def _forces(study: Study, recording: Recording, place: str) -> np.ndarray:
+    """Forces at all inputs of the model, zero where none was measured."""
+    assert study.model is not None
+    inputs = list(study.model.inputs)
+    if recording.force is None:
+        raise InputError(f"{place}: has no force; diagnose needs it so far")
+    force = np.zeros((recording.force.shape[0], len(inputs)))
+    names = [channel.name for channel in recording.inputs]
+    for name, column in zip(names, np.asarray(recording.force).T, strict=True):
+        if name not in inputs:
+            raise InputError(f"{place}: input {name!r} is not in the model: {', '.join(inputs)}")
+        force[:, inputs.index(name)] = column
+    return force
+
+
+def told(study: str, verdict: Diagnosis) -> dict[str, Any]:
+    """A diagnosis for diagnosis.json."""
+
+    def pair(errors: tuple[float, float]) -> dict[str, float]:
+        return {"fit": errors[0], "hold_out": errors[1]}
+
+    return {
+        "study": study,
+        "iwanjax": version(),
+        "detected": verdict.detected,
+        "probability_nothing_missing": verdict.probability_nothing_missing,
+        "what": [
+            {
+                "kind": each.kind.name,
+                "where": each.where,
+                "probability": each.probability,
+                "log_evidence": each.log_evidence,
+                "parameters": {
+                    each.kind.size.name: {
+                        "value": each.size,
+                        "std": each.size_std,
+                        "unit": each.kind.size.dimension,
+                    }
+                }
+                | (
+                    {}
+                    if each.kind.shape is None
+                    else {
+                        each.kind.shape.name: {
+                            "value": each.shape,
+                            "std": None,
+                            "unit": each.kind.shape.dimension,
+                        }
+                    }
+                ),
+            }
+            for each in verdict.what
+        ],
+        "observables": [
+            {
+                "recording": name,
+                "quantity": "response",
+                "difference_percent": 100.0 * before,
+                "after_percent": 100.0 * after,
+            }
+            for name, (before, after) in verdict.by_recording.items()
+        ],
+        "fit": {
+            "before": pair(verdict.before),
+            "after": pair(verdict.after),
+            "noise_floor": pair(verdict.noise_floor),
+        },
+        "indistinguishable": [list(each) for each in verdict.indistinguishable],
+        "complete": verdict.complete,
+        "seconds": verdict.seconds,
+        "statement": verdict.statement(),
+    }
+
+
+def _report(title: str, verdict: Diagnosis, picture: bytes) -> str:
+    """The verdict in words, its picture and its tables."""
+    recordings = Table(
+        ("Recording", "Joints refitted", "With the first suspect"),
+        tuple(
+            (name, f"{before:.3g}", f"{after:.3g}" if verdict.detected else "–")
+            for name, (before, after) in verdict.by_recording.items()
+        ),
+        "Root mean square of predicted less measured over that of measured, free run.",
+    )
+    rivals = Table(
+        ("Kind", "Where", "Size", "Deviation", "Probability", "Log evidence"),
+        tuple(
+            (
+                each.kind.name,
+                each.where,
+                f"{each.size:.4g}",
+                f"{each.size_std:.2g}",
+                f"{each.probability:.3f}",
+                f"{each.log_evidence:.1f}",
+            )
+            for each in verdict.what
+        ),
+        "What was tried together with the joints, at a memory of eight cycles.",
+        words=(0, 1),
+    )
+    caption = "Errors of every recording, and how far the rivals are behind."
+    tables = (recordings, rivals) if verdict.what else (recordings,)
+    section = Section("What it rests on", (), ((caption, picture),), tables)
+    return render(title, [verdict.statement()], [section], f"Written by iwanjax {version()}.")
