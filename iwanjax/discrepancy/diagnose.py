@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import Kind, Scales, kinds_of
-from iwanjax.discrepancy.measured import Prepared, Transient, between, prepared
+from iwanjax.discrepancy.measured import Prepared, Transient, prepared
 from iwanjax.discrepancy.prediction import Quantity, predictor
 from iwanjax.discrepancy.refit import (
     Free,
@@ -43,7 +43,7 @@ _LEAST_GAIN, _INDULGENCE = 12.0, 0.06
 _ALIKE = 3.0
 # No model is trusted to explain its residual better than this share of their variance.
 _LEAST_TEMPERATURE = 0.3
-_DRAWS = 3
+_DRAWS = 6
 
 
 class Suspect(NamedTuple):
@@ -60,8 +60,9 @@ class Suspect(NamedTuple):
     log_evidence : float
         Of the data with it.
     size, size_std : float
-        Its size, and the linearised deviation at a memory of eight cycles; the free run's own
-        would be far smaller, and rule out the model's errors of integration.
+        Its size in the free run, and its deviation: of the sensors' and the forces' noise at a
+        memory of eight cycles, and of what a longer memory made of it, which shows the model's
+        own errors.
     shape : float or None
         Its shape, for kinds that have one.
     """
@@ -269,7 +270,9 @@ def diagnose(
     before, each_before = _errors(search, polished, seen, held, known, length)
     after, each_after = _errors(search, final, seen, held, known, length)
     floor = _floor(search, final, seen, held, known, length, seed)
-    what = list(_suspects(search, tried, evidence, labels, final, best)) if detected else []
+    what: list[Suspect] = []
+    if detected:
+        what += _suspects(search, seen, tried, evidence, labels, final, best, seed)
     return Diagnosis(
         detected=detected,
         probability_nothing_missing=evidence.probability_of_nothing,
@@ -483,17 +486,11 @@ def _floor(
         count = len(those.names)
         here = search._replace(data=those.data)
         r_0 = here.residuals(found.z, found.suspects, gain).reshape(those.data.response.shape)
-        force = np.asarray(those.data.force)
-        deviation = np.zeros((force.shape[0], 1, force.shape[3]))
-        deviation[:count] = those.force_noise[:, None, :]
         carried = 0.0
         weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
         safe = np.where(weight > 0, weight, np.inf)
         for _ in range(_DRAWS):
-            errors = deviation * random.standard_normal((*force.shape[:2], force.shape[3]))
-            spread = np.stack([between(each, force.shape[2]) for each in errors])
-            noisy = force + np.where(force != 0, spread, 0.0)
-            moved = here._replace(data=those.data._replace(force=jnp.asarray(noisy)))
+            moved = here._replace(data=those.drawn(random))
             r = moved.residuals(found.z, found.suspects, gain).reshape(r_0.shape)
             carried += float(np.sum(((r - r_0)[:count] / safe) ** 2)) / _DRAWS
         own = float(np.sum(np.where(weight > 0, those.noise[:, None, :] ** 2, 0.0)))
@@ -509,33 +506,40 @@ def _floor(
 
 def _suspects(
     search: Search,
+    seen: Prepared,
     tried: Sequence[_Tried],
     evidence: _Evidence,
     labels: Sequence[str],
     final: Refit,
     best: int | None,
-) -> tuple[Suspect, ...]:
+    seed: int,
+) -> list[Suspect]:
     rows = []
     for i, each in enumerate(tried):
         kind = search.predictor.kinds[each.candidate.kind]
         place = each.candidate.place
         found = final if i == best else each.found
+        size = float(found.suspects.size[each.candidate.kind, place])
+        shift = size - float(each.found.suspects.size[each.candidate.kind, place])
+        std = _deviation(search, seen, each.found, each.free[0], evidence, seed)
         rows.append(
             Suspect(
                 kind,
                 labels[place],
                 evidence.probability(i),
                 evidence.of_tried[i],
-                float(found.suspects.size[each.candidate.kind, place]),
-                _deviation(search, each.found, each.free[0], evidence),
+                size,
+                math.hypot(std, shift),
                 float(found.suspects.shape[each.candidate.kind, place]) if kind.shape else None,
             )
         )
-    return tuple(sorted(rows, key=lambda row: -row.log_evidence))
+    return sorted(rows, key=lambda row: -row.log_evidence)
 
 
-def _deviation(search: Search, found: Refit, free: Free, evidence: _Evidence) -> float:
-    """Of the size, linearised, with the residuals' correlation and temperature."""
+def _deviation(
+    search: Search, seen: Prepared, found: Refit, free: Free, evidence: _Evidence, seed: int
+) -> float:
+    """Of the size: the sensors' noise linearised, the forces' by draws through the same."""
     gain = search.gain(found.z, found.suspects, found.cycles)
     blank = np.zeros(found.suspects.size.shape)
     one = blank.copy()
@@ -544,6 +548,15 @@ def _deviation(search: Search, found: Refit, free: Free, evidence: _Evidence) ->
     J = search.slopes(
         found.z, found.suspects, gain, [*along, (np.zeros(search.parameters), one, blank)]
     )
-    normal = J.T @ J / (evidence.temperature * evidence.tau)
+    normal = J.T @ J
     normal[: search.parameters, : search.parameters] += np.eye(search.parameters)
-    return free.size * math.sqrt(float(np.linalg.pinv(normal)[-1, -1]))
+    inverse = np.linalg.pinv(normal)
+    sensors = evidence.temperature * evidence.tau * float(inverse[-1, -1])
+    random = np.random.default_rng(seed)
+    r_0 = search.residuals(found.z, found.suspects, gain)
+    moved = [
+        search._replace(data=seen.drawn(random)).residuals(found.z, found.suspects, gain) - r_0
+        for _ in range(_DRAWS)
+    ]
+    forces = float(np.mean([(inverse @ (J.T @ each))[-1] ** 2 for each in moved]))
+    return free.size * math.sqrt(sensors + forces)

@@ -63,6 +63,16 @@ class Prepared:
     noise: np.ndarray
     force_noise: np.ndarray
 
+    def drawn(self, random: np.random.Generator) -> Data:
+        """The data with the forces' noise once more in their pulses."""
+        force = np.asarray(self.data.force)
+        recordings, samples, _, inputs = force.shape
+        errors = np.zeros((recordings, samples, inputs))
+        for row, deviation in zip(errors, self.force_noise, strict=False):
+            row[:] = deviation * random.standard_normal(row.shape)
+        spread = np.stack([between(each, force.shape[2]) for each in errors])
+        return self.data._replace(force=jnp.asarray(force + np.where(force != 0, spread, 0.0)))
+
 
 def prepared(
     recordings: Sequence[Transient],
