@@ -1,0 +1,28 @@
+"""The concealed cases with the sizes of their effects."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from concealed.physics import Effect
+from concealed.plan import Case, plan
+
+SIZES = Path(__file__).with_name("sizes.json")
+
+
+def _sized(case: Case, table: dict[str, list[dict]]) -> Case:
+    """Put the sizes of the table into a case, checking that they belong to its effects."""
+    if not case.wanted:
+        return case
+    found = table.get(str(case.number), [])
+    if [(f["kind"], f["where"]) for f in found] != [w[:2] for w in case.wanted]:
+        raise ValueError(
+            f"{SIZES.name} does not hold case {case.number} ({case.wanted}): "
+            f"run sizing.py --only {case.number}"
+        )
+    effects = tuple(Effect(f["kind"], f["where"], tuple(f["values"])) for f in found)
+    return replace(case, effects=effects)
+
+
+_TABLE: dict[str, list[dict]] = json.loads(SIZES.read_text())
+CASES: tuple[Case, ...] = tuple(_sized(case, _TABLE) for case in plan())

@@ -1,0 +1,381 @@
+"""Time histories of a jointed structure with concealed effects, all recordings at once.
+
+The linear structure (with the joints stuck and the linear concealed changes) is carried
+exactly over a step in its own modes, and every other force acts linearly within the step: the
+deflections are predicted with the forces extrapolated, and the forces taken there once. (Kicks
+of velocity between exact steps fail on the beam: its highest modes turn several times within
+a step, and a kick does not leave them the static deflection that they should have.)
+Joints are banks of Jenkins sliders, exact for any path of their deflection.
+Nothing here is shared with the package under test.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from concealed.structures import Array, Iwan, Structure
+from numpy.typing import NDArray
+from scipy.linalg import eigh, expm
+from scipy.signal import firwin, upfirdn
+
+Force = Callable[[Array], Array]
+"""Force of a local element per recording, from its deflection per recording."""
+
+PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "stiffness_error": ("k",),
+    "mass_error": ("m",),
+    "viscous_damping": ("c",),
+    "cubic_stiffness": ("k3",),
+    "quadratic_stiffness": ("k2",),
+    "gap_contact": ("k", "gap", "sides"),  # one side: contact at positive deflections only
+    "bilinear_stiffness": ("dk",),
+    "coulomb_friction": ("k", "slip"),  # slip is the deflection at which the slider gives way
+    "iwan_joint": ("F_S", "K_T", "chi", "beta"),
+    "stiction": ("theta",),
+    "quadratic_damping": ("c2",),
+    "viscoelastic": ("k", "tau"),
+    "joint_drift": ("factor_F_S", "factor_K_T"),  # from each recording to the next
+    "sensor_gain": ("gain",),
+    "sensor_delay": ("intervals",),
+    "sensor_saturation": ("limit",),
+    "sensor_polarity": (),
+}
+LINEAR = ("stiffness_error", "mass_error", "viscous_damping")
+SENSOR = ("sensor_gain", "sensor_delay", "sensor_saturation", "sensor_polarity")
+SLIDERS = 160
+FILTER_SPAN = 13
+"""Half length of the anti-alias filter, in sampling intervals."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One concealed effect; a value is a number, or one number per recording."""
+
+    kind: str
+    where: str
+    values: tuple[float | Array, ...]
+
+    def each(self, recordings: int) -> list[Array]:
+        """Return every parameter as one number per recording."""
+        return [np.broadcast_to(np.asarray(v, float), (recordings,)) for v in self.values]
+
+
+@dataclass(frozen=True)
+class Hit:
+    """One hammer blow: a half sine of `width` sampling intervals from `start` on."""
+
+    place: str
+    peak: float
+    start: float
+    width: float
+    use: str
+    order: int
+    """Position in the study, on which a drifting joint depends."""
+
+    def force(self, time: Array) -> Array:
+        """Return the force at times given in sampling intervals."""
+        phase = (time - self.start) / self.width
+        return np.where((phase > 0) & (phase < 1), self.peak * np.sin(np.pi * phase), 0.0)
+
+
+def slider_bank(F_S: Array, K_T: Array, chi: Array, beta: Array) -> tuple[Array, Array]:
+    """Slip deflections and stiffnesses of Segalman's joint, sliders along a new last axis.
+
+    Every cell of a geometric grid from 1e-4 phi_max (and the one below it) holds one slider at
+    its middle with the exact stiffness of the cell; the last slider is the Dirac one.
+    """
+    F_S, K_T, chi, beta = (np.asarray(v, float)[..., None] for v in (F_S, K_T, chi, beta))
+    phi_max = F_S * (1 + beta) / (K_T * (beta + (chi + 1) / (chi + 2)))
+    edges = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, SLIDERS)])
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    share = np.diff(edges ** (chi + 1), axis=-1)
+    stiffness = np.concatenate([K_T / (1 + beta) * share, K_T * beta / (1 + beta)], axis=-1)
+    slip = np.concatenate([phi_max * middle, phi_max], axis=-1)
+    return slip, stiffness
+
+
+class JointBank:
+    """The joints of all recordings: arrays of shape (recording, joint, slider)."""
+
+    def __init__(self, slip: Array, stiffness: Array, theta: Array) -> None:
+        self.slip, self.stiffness = slip, stiffness
+        self.negative = -slip
+        self.kinetic = theta[..., None] * slip
+        self.sticks = bool(np.all(theta == 1.0))
+        self.stretch = np.zeros_like(slip)
+        self.sliding = np.zeros_like(slip)
+        self.last = np.zeros(slip.shape[:-1])
+
+    def force(self, deflection: Array) -> Array:
+        """Advance to the next deflections (recording, joint) and return the joints' forces."""
+        step = (deflection - self.last)[..., None]
+        self.last = deflection.copy()
+        self.stretch += step
+        if self.sticks:
+            np.maximum(self.stretch, self.negative, out=self.stretch)
+            np.minimum(self.stretch, self.slip, out=self.stretch)
+        else:
+            self._break_away(step)
+        return np.einsum("rjn,rjn->rj", self.stretch, self.stiffness)
+
+    def _break_away(self, step: Array) -> None:
+        """A slider at its slip deflection drops to the kinetic one until the motion reverses."""
+        limit = np.where(self.sliding * step > 0, self.kinetic, self.slip)
+        direction = np.sign(self.stretch)
+        over = np.abs(self.stretch) > limit
+        self.stretch = np.where(over, self.kinetic * direction, self.stretch)
+        self.sliding = np.where(over, direction, 0.0)
+
+
+def _coulomb(k: Array, slip: Array) -> Force:
+    stretch, last = np.zeros_like(k), np.zeros_like(k)
+
+    def force(d: Array) -> Array:
+        np.clip(stretch + d - last, -slip, slip, out=stretch)
+        last[:] = d
+        return k * stretch
+
+    return force
+
+
+def _maxwell(k: Array, tau: Array, dt: float) -> Force:
+    """Spring and dashpot in series, exact for a deflection that is linear within a step."""
+    stretch, last = np.zeros_like(k), np.zeros_like(k)
+    decay = np.exp(-dt / tau)
+    gain = tau / dt * (1 - decay)
+
+    def force(d: Array) -> Array:
+        stretch[:] = decay * stretch + gain * (d - last)
+        last[:] = d
+        return k * stretch
+
+    return force
+
+
+def _gap(k: Array, gap: Array, sides: Array) -> Force:
+    other = sides > 1
+
+    def force(d: Array) -> Array:
+        pushed = np.maximum(d - gap, 0.0)
+        return k * (pushed - other * np.maximum(-d - gap, 0.0))
+
+    return force
+
+
+def _element(effect: Effect, recordings: int, dt: float) -> Force | None:
+    """Return the force of a local element of one deflection, or None for another kind."""
+    values = effect.each(recordings)
+    match effect.kind:
+        case "cubic_stiffness":
+            return lambda d: values[0] * d**3
+        case "quadratic_stiffness":
+            return lambda d: values[0] * d**2
+        case "bilinear_stiffness":
+            return lambda d: values[0] * np.maximum(d, 0.0)
+        case "gap_contact":
+            return _gap(*values)
+        case "coulomb_friction":
+            return _coulomb(*values)
+        case "viscoelastic":
+            return _maxwell(*values, dt)
+    return None
+
+
+def _bank(
+    structure: Structure, joints: Mapping[str, Iwan], effects: Sequence[Effect], hits: Sequence[Hit]
+) -> tuple[list[str], JointBank, Array]:
+    """Return the places of all Iwan joints, their bank, and the stiffness of each when stuck."""
+    count = len(hits)
+    places = list(joints)
+    values = np.stack([np.tile(joints[name], (count, 1)) for name in places], axis=1)
+    theta = np.ones((count, len(places)))
+    order = np.array([hit.order for hit in hits])
+    for effect in effects:
+        if effect.kind == "stiction":
+            theta[:, places.index(effect.where)] = effect.each(count)[0]
+        elif effect.kind == "joint_drift":
+            strength, stiffness = effect.each(count)
+            values[:, places.index(effect.where), 0] *= strength**order
+            values[:, places.index(effect.where), 1] *= stiffness**order
+    for effect in effects:
+        if effect.kind == "iwan_joint":
+            places.append(effect.where)
+            values = np.concatenate([values, np.stack(effect.each(count), -1)[:, None]], axis=1)
+            theta = np.concatenate([theta, np.ones((count, 1))], axis=1)
+    slip, stiffness = slider_bank(*np.moveaxis(values, -1, 0))
+    return places, JointBank(slip, stiffness, theta), values[0, :, 1]
+
+
+@dataclass(frozen=True)
+class Histories:
+    """Fine time histories: (step, recording, channel)."""
+
+    response: Array
+    force: Array
+    deflection: Array
+    """Of every Iwan joint, in the order of the structure's joints."""
+    rows: Array
+    """Deflection of every row of the structure (only when asked for)."""
+
+
+def _exact_step(
+    omega: Array, damping: Array, acting: Array, dt: float
+) -> tuple[Array, Array, Array]:
+    """Carry (omega q, v) over dt, and the forces at the step's beginning and end into it.
+
+    Returned transposed, for states along the last axis; forces are linear within the step.
+    """
+    n, f = len(omega), len(acting)
+    turn, zero = np.diag(omega), np.zeros((n, n))
+    generator = np.zeros((2 * n + 2 * f, 2 * n + 2 * f))
+    generator[: 2 * n, : 2 * n] = np.block([[zero, turn], [-turn, -damping]])
+    generator[n : 2 * n, 2 * n : 2 * n + f] = acting.T
+    generator[2 * n : 2 * n + f, 2 * n + f :] = np.eye(f) / dt
+    carried = np.asarray(expm(dt * generator)[: 2 * n].T, float)
+    held, ramp = carried[2 * n : 2 * n + f], carried[2 * n + f :]
+    return carried[: 2 * n], held - ramp, ramp
+
+
+def integrate(
+    structure: Structure,
+    joints: Mapping[str, Iwan],
+    effects: Sequence[Effect],
+    hits: Sequence[Hit],
+    oversampling: int | None = None,
+    watch_rows: bool = False,
+) -> Histories:
+    """Accelerations of the sensors on the fine grid, before the measurement chain."""
+    oversampling = oversampling or structure.steps
+    count = len(hits)
+    dt = 1.0 / (structure.rate * oversampling)
+    steps = (structure.samples + FILTER_SPAN) * oversampling + 1
+    M, C, K = structure.M.copy(), structure.C.copy(), structure.K.copy()
+    for effect in effects:
+        if effect.kind in LINEAR:
+            changed = {"stiffness_error": K, "mass_error": M, "viscous_damping": C}[effect.kind]
+            row = structure.rows[effect.where]
+            changed += float(effect.values[0]) * np.outer(row, row)  # type: ignore[arg-type]
+    places, bank, stuck = _bank(structure, joints, effects, hits)
+    for place, K_T in zip(places, stuck, strict=True):
+        K += K_T * np.outer(structure.rows[place], structure.rows[place])
+
+    elements: list[tuple[int, Force]] = []
+    drags: list[tuple[int, Array]] = []
+    for effect in effects:
+        element = _element(effect, count, dt)
+        if element is not None:
+            elements.append((len(places), element))
+            places.append(effect.where)
+        elif effect.kind == "quadratic_damping":
+            drags.append((len(places), effect.each(count)[0]))
+            places.append(effect.where)
+
+    squared, modes = eigh(K, M)
+    omega = np.sqrt(squared)
+    n, local, joined = len(omega), len(places), len(stuck)
+    damping = modes.T @ C @ modes
+    rows = np.stack([structure.rows[place] for place in places]) @ modes
+    sensors = np.stack(list(structure.sensors.values())) @ modes
+    acting = np.vstack([rows, np.stack(list(structure.inputs.values())) @ modes])
+    # What is seen of a state (omega q, v): deflections, their rates, accelerations without forces.
+    deflection = np.vstack([(rows / omega).T, np.zeros((n, local))])
+    rate = np.vstack([np.zeros((n, local)), rows.T])
+    free = np.vstack([-omega[:, None] * sensors.T, -damping @ sensors.T])
+    seen = np.hstack([deflection, rate, free])
+    if watch_rows:
+        every = np.stack(list(structure.rows.values())) @ modes
+        seen = np.hstack([seen, np.vstack([(every / omega).T, np.zeros_like(every.T)])])
+    advance, old, new = _exact_step(omega, damping, acting, dt)
+    step = np.vstack([advance, old]) @ np.hstack([np.eye(2 * n), seen])
+    arrival = new @ np.hstack([np.eye(2 * n), seen])
+    felt = arrival[:, 2 * n : 2 * n + 2 * local]
+
+    forces = np.zeros((steps, count, len(acting)))
+    time = np.arange(steps) / oversampling
+    for i, hit in enumerate(hits):
+        forces[:, i, local + list(structure.inputs).index(hit.place)] = hit.force(time)
+    views = np.zeros((steps, count, seen.shape[1]))
+    now = np.zeros((count, 2 * n + len(acting)))
+    for k in range(1, steps):
+        now[:, 2 * n :] = forces[k - 1]
+        base = now @ step
+        force = forces[k]
+        force[:, :local] = 2 * forces[k - 1, :, :local] - forces[k - 2, :, :local]
+        ahead = base[:, 2 * n : 2 * n + 2 * local] + force @ felt
+        d = ahead[:, :joined]
+        force[:, :joined] = stuck * d - bank.force(d)
+        for at, element in elements:
+            force[:, at] = -element(ahead[:, at])
+        for at, c in drags:
+            v = ahead[:, local + at]
+            force[:, at] = -c * v * np.abs(v)
+        base += force @ arrival
+        now[:, : 2 * n] = base[:, : 2 * n]
+        views[k] = base[:, 2 * n :]
+
+    response = views[..., 2 * local : 2 * local + len(sensors)] + forces @ (acting @ sensors.T)
+    struck = [local + list(structure.inputs).index(hit.place) for hit in hits]
+    return Histories(
+        response=response,
+        force=forces[:, np.arange(count), struck],
+        deflection=views[..., : len(joints)],
+        rows=views[..., 2 * local + len(sensors) :],
+    )
+
+
+def decimate(signal: Array, samples: int, oversampling: int) -> Array:
+    """Zero-phase anti-alias filter at 0.4 of the sampling rate, and every sample of the result."""
+    taps = firwin(2 * FILTER_SPAN * oversampling + 1, 0.8 / oversampling, window=("kaiser", 8.0))
+    return upfirdn(taps, signal, down=oversampling, axis=0)[FILTER_SPAN : FILTER_SPAN + samples]
+
+
+def _delayed(signal: Array, steps: NDArray[np.int64]) -> Array:
+    """Shift each recording's history (step, recording) by its own number of fine steps."""
+    late = np.zeros_like(signal)
+    for i, by in enumerate(steps):
+        late[by:, i] = signal[: len(signal) - by, i]
+    return late
+
+
+def measure(
+    structure: Structure,
+    joints: Mapping[str, Iwan],
+    effects: Sequence[Effect],
+    hits: Sequence[Hit],
+    oversampling: int | None = None,
+) -> tuple[Array, Array]:
+    """Responses (sample, recording, sensor) and forces (sample, recording), free of noise.
+
+    The filter is linear, so gain, polarity and delay act before it; saturation is the
+    recorder's and acts on what it records (see `saturate`).
+    """
+    oversampling = oversampling or structure.steps
+    fine = integrate(structure, joints, effects, hits, oversampling)
+    response = fine.response
+    labels = list(structure.sensors)
+    for effect in effects:
+        if effect.kind not in SENSOR:
+            continue
+        at, values = labels.index(effect.where), effect.each(len(hits))
+        if effect.kind == "sensor_gain":
+            response[..., at] *= values[0]
+        elif effect.kind == "sensor_polarity":
+            response[..., at] *= -1.0
+        elif effect.kind == "sensor_delay":
+            shift = np.rint(values[0] * oversampling).astype(int)
+            response[..., at] = _delayed(response[..., at], shift)
+    return (
+        decimate(response, structure.samples, oversampling),
+        decimate(fine.force, structure.samples, oversampling),
+    )
+
+
+def saturate(structure: Structure, effects: Sequence[Effect], response: Array) -> Array:
+    """Clip the overloaded sensors of responses (sample, recording, sensor)."""
+    response = response.copy()
+    for effect in effects:
+        if effect.kind == "sensor_saturation":
+            at = list(structure.sensors).index(effect.where)
+            limit = effect.each(response.shape[1])[0]
+            response[..., at] = np.clip(response[..., at], -limit, limit)
+    return response

@@ -1,0 +1,194 @@
+"""What is concealed where and how strongly: the cases before their sizes are known.
+
+Everything is drawn from generators seeded by the case number, so that a case never depends on
+the others. Even numbers are for development, odd numbers are opened once at the end.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from concealed.physics import Effect, Hit
+from concealed.structures import STRUCTURES, Iwan, Structure
+
+Wanted = tuple[str, str, str]
+"""Kind, place and strength of a concealed effect."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One concealed case; `effects` hold sizes once these are found."""
+
+    number: int
+    structure: Structure
+    wanted: tuple[Wanted, ...]
+    effects: tuple[Effect, ...]
+    true: dict[str, Iwan]
+    given: dict[str, Iwan]
+    hits: tuple[Hit, ...]
+    noise: float
+    """Standard deviation of a sensor's noise over the rms of the hardest recording."""
+    seed: int
+
+    @property
+    def strength(self) -> str:
+        """Of the single effect; of a pair, the two joined by `+`; of an empty case, nothing."""
+        return "+".join(wanted[2] for wanted in self.wanted)
+
+    @property
+    def hardest(self) -> Hit:
+        """The recording on which sizes are judged."""
+        return max(self.hits, key=lambda hit: hit.peak / self.structure.peaks[hit.place])
+
+
+PLAIN, MEDIUM, WEAK = "plain", "medium", "weak"
+# One line per case: the structure, then (kind, place, strength) of every effect.
+DEVELOPMENT: tuple[tuple[str, tuple[Wanted, ...]], ...] = (
+    ("chain3", (("stiffness_error", "m2-m3", PLAIN),)),
+    ("lap_beam", (("stiffness_error", "tip-ground", WEAK),)),
+    ("chain4", (("mass_error", "m2-ground", MEDIUM),)),
+    ("lap_beam", (("viscous_damping", "w2-ground", PLAIN),)),
+    ("chain2", (("viscous_damping", "m1-ground", WEAK),)),
+    ("chain3", (("cubic_stiffness", "m2-m3", MEDIUM),)),
+    ("oscillator", (("quadratic_stiffness", "J1", PLAIN),)),
+    ("chain6", (("quadratic_stiffness", "m3-m4", WEAK),)),
+    ("chain3", (("gap_contact", "m3-ground", MEDIUM),)),
+    ("lap_beam", (("bilinear_stiffness", "w3-ground", PLAIN),)),
+    ("chain4", (("bilinear_stiffness", "m2-m3", WEAK),)),
+    ("chain2", (("coulomb_friction", "m2-ground", MEDIUM),)),
+    ("chain6", (("iwan_joint", "m3-m4", PLAIN),)),
+    ("lap_beam", (("iwan_joint", "w3-ground", WEAK),)),
+    ("chain3", (("stiction", "J1", MEDIUM),)),
+    ("chain4", (("quadratic_damping", "m3-ground", PLAIN),)),
+    ("oscillator", (("quadratic_damping", "J1", WEAK),)),
+    ("chain3", (("viscoelastic", "m1-ground", MEDIUM),)),
+    ("chain2", (("joint_drift", "J1", PLAIN),)),
+    ("lap_beam", (("joint_drift", "J1", WEAK),)),
+    ("chain6", (("sensor_gain", "a4", MEDIUM),)),
+    ("chain3", (("sensor_delay", "a2", PLAIN),)),
+    ("chain4", (("sensor_delay", "a1", WEAK),)),
+    ("lap_beam", (("sensor_saturation", "a1", MEDIUM),)),
+    ("chain2", (("sensor_polarity", "a2", PLAIN),)),
+    ("chain6", (("sensor_polarity", "a5", PLAIN),)),
+    ("chain4", (("cubic_stiffness", "m2-m3", MEDIUM), ("sensor_gain", "a3", MEDIUM))),
+    ("chain3", (("gap_contact", "m2-m3", MEDIUM), ("viscous_damping", "m1-ground", MEDIUM))),
+    ("chain6", (("stiffness_error", "m2-m3", MEDIUM), ("quadratic_damping", "m6-ground", MEDIUM))),
+    ("lap_beam", (("cubic_stiffness", "tip-ground", PLAIN), ("mass_error", "w2-ground", MEDIUM))),
+)
+FINAL: tuple[tuple[str, tuple[Wanted, ...]], ...] = (
+    ("chain6", (("stiffness_error", "m5-ground", MEDIUM),)),
+    ("lap_beam", (("mass_error", "tip-ground", PLAIN),)),
+    ("chain3", (("mass_error", "m3-ground", WEAK),)),
+    ("chain4", (("viscous_damping", "m2-m3", MEDIUM),)),
+    ("lap_beam", (("cubic_stiffness", "w3-ground", PLAIN),)),
+    ("chain2", (("cubic_stiffness", "m2-ground", WEAK),)),
+    ("chain3", (("quadratic_stiffness", "m2-m3", MEDIUM),)),
+    ("oscillator", (("gap_contact", "J1", PLAIN),)),
+    ("chain4", (("gap_contact", "m1-ground", WEAK),)),
+    ("lap_beam", (("gap_contact", "tip-ground", MEDIUM),)),
+    ("chain3", (("bilinear_stiffness", "m1-ground", MEDIUM),)),
+    ("lap_beam", (("coulomb_friction", "w2-ground", PLAIN),)),
+    ("chain6", (("coulomb_friction", "m4-m5", WEAK),)),
+    ("chain3", (("iwan_joint", "m2-m3", MEDIUM),)),
+    ("oscillator", (("stiction", "J1", MEDIUM),)),
+    ("chain4", (("stiction", "J2", WEAK),)),
+    ("lap_beam", (("quadratic_damping", "tip-ground", MEDIUM),)),
+    ("chain2", (("viscoelastic", "m2-ground", PLAIN),)),
+    ("chain6", (("viscoelastic", "m2-ground", WEAK),)),
+    ("chain4", (("joint_drift", "J2", MEDIUM),)),
+    ("chain3", (("sensor_gain", "a1", PLAIN),)),
+    ("lap_beam", (("sensor_gain", "a3", WEAK),)),
+    ("chain2", (("sensor_delay", "a1", MEDIUM),)),
+    ("chain3", (("sensor_saturation", "a3", PLAIN),)),
+    ("chain4", (("sensor_saturation", "a4", WEAK),)),
+    ("lap_beam", (("sensor_polarity", "a2", PLAIN),)),
+    ("chain3", (("cubic_stiffness", "m1-ground", MEDIUM), ("sensor_polarity", "a2", PLAIN))),
+    ("chain4", (("gap_contact", "m3-ground", MEDIUM), ("sensor_delay", "a2", MEDIUM))),
+    ("chain6", (("iwan_joint", "m4-m5", MEDIUM), ("stiffness_error", "m1-ground", MEDIUM))),
+    (
+        "chain2",
+        (("coulomb_friction", "m1-ground", MEDIUM), ("cubic_stiffness", "m2-ground", PLAIN)),
+    ),
+)
+EMPTY = ("oscillator", "chain2", "chain3", "chain4", "chain6", "lap_beam") * 3
+"""Structures of the cases without an effect, in either half."""
+
+
+def _hits(structure: Structure, rng: np.random.Generator) -> tuple[Hit, ...]:
+    """Three recordings to fit (soft, middle, hard) and two held out (soft, hard), all different."""
+    inputs = list(structure.inputs)
+    first, second = rng.permutation([inputs[0], inputs[-1]])
+    levels = [
+        (first, rng.uniform(0.05, 0.10), "fit"),
+        (second, rng.uniform(0.40, 0.60), "fit"),
+        (first, 1.0, "fit"),
+        (second, rng.uniform(0.80, 0.95), "hold_out"),
+        (first, rng.uniform(0.25, 0.35), "hold_out"),
+    ]
+    low, high = structure.pulse
+    return tuple(
+        Hit(
+            place=str(place),
+            peak=float(structure.peaks[place] * level),
+            start=float(rng.uniform(40, 60)),
+            width=float(rng.uniform(low, high)),
+            use=use,
+            order=order,
+        )
+        for order, (place, level, use) in enumerate(levels)
+    )
+
+
+def _off(rng: np.random.Generator, low: float, high: float) -> float:
+    """Return a signed amount of a size between two limits."""
+    return float(rng.uniform(low, high) * rng.choice([-1.0, 1.0]))
+
+
+def _joints(structure: Structure, rng: np.random.Generator) -> tuple[dict[str, Iwan], ...]:
+    """Return true joints scattered about the nominal ones, and starting values that are off."""
+    true, given = {}, {}
+    for name, (F_S, K_T, chi, beta) in structure.joints.items():
+        actual = (
+            F_S * (1 + float(rng.uniform(-0.12, 0.12))),
+            K_T * (1 + float(rng.uniform(-0.04, 0.04))),
+            chi + float(rng.uniform(-0.05, 0.05)),
+            beta * (1 + float(rng.uniform(-0.2, 0.2))),
+        )
+        true[name] = actual
+        given[name] = (
+            actual[0] * (1 + _off(rng, 0.2, 0.6)),
+            actual[1] * (1 + _off(rng, 0.02, 0.08)),
+            actual[2] + _off(rng, 0.05, 0.15),
+            actual[3] * (1 + _off(rng, 0.2, 0.6)),
+        )
+    return true, given
+
+
+def _case(number: int, name: str, wanted: tuple[Wanted, ...]) -> Case:
+    structure = STRUCTURES[name]
+    rng = np.random.default_rng([20240607, number])
+    hits = _hits(structure, rng)
+    true, given = _joints(structure, rng)
+    return Case(
+        number=number,
+        structure=structure,
+        wanted=wanted,
+        effects=(),
+        true=true,
+        given=given,
+        hits=hits,
+        noise=float(rng.uniform(0.002, 0.005)),
+        seed=int(rng.integers(2**31)),
+    )
+
+
+def _half(listed: tuple[tuple[str, tuple[Wanted, ...]], ...], parity: int) -> list[Case]:
+    """Shuffle one half, so that a number tells nothing, and number it by its parity."""
+    everything = [*listed, *((name, ()) for name in EMPTY)]
+    order = np.random.default_rng([7, parity]).permutation(len(everything))
+    return [_case(2 * i + parity, *everything[j]) for i, j in enumerate(order)]
+
+
+def plan() -> tuple[Case, ...]:
+    """Return all cases in the order of their numbers, without the sizes of their effects."""
+    cases = _half(DEVELOPMENT, 0) + _half(FINAL, 1)
+    return tuple(sorted(cases, key=lambda case: case.number))

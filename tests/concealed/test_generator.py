@@ -1,0 +1,58 @@
+"""The generator of concealed cases integrates and slips as the field's formulas say."""
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from concealed.physics import Effect, Hit, JointBank, integrate, slider_bank
+from concealed.structures import chain
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        Effect("gap_contact", "m3-ground", (5.0e4, 3.0e-4, 2.0)),
+        Effect("quadratic_damping", "m2-m3", (40.0,)),
+        Effect("viscoelastic", "m1-ground", (2.0e4, 5.0e-3)),
+    ],
+    ids=lambda effect: effect.kind,
+)
+def test_halving_the_step_changes_nothing(effect):
+    structure = replace(chain(3), samples=1024)
+    hits = [Hit("m1", 90.0, 45.0, 11.0, "fit", 0), Hit("m3", 30.0, 50.0, 9.0, "fit", 1)]
+    coarse, fine = (
+        integrate(structure, structure.joints, [effect], hits, oversampling).response[
+            ::oversampling
+        ]
+        for oversampling in (16, 32)
+    )
+    change = np.sqrt(np.mean((coarse - fine) ** 2) / np.mean(fine**2))
+    assert change < 3e-4
+
+
+@pytest.mark.parametrize(("chi", "beta"), [(-0.5, 2.0), (-0.3, 0.5), (-0.7, 5.0)])
+@pytest.mark.parametrize("s", [0.03, 0.2, 0.8])
+def test_slider_bank_dissipates_as_segalman_says(chi, beta, s):
+    F_S, K_T = 20.0, 5.0e4
+    phi_max = F_S * (1 + beta) / (K_T * (beta + (chi + 1) / (chi + 2)))
+    slip, stiffness = slider_bank(*np.array([[[F_S]], [[K_T]], [[chi]], [[beta]]]))
+    bank = JointBank(slip, stiffness, np.ones((1, 1)))
+    path = s * phi_max * np.sin(np.linspace(0.0, 5 * np.pi, 4001))
+    force = np.array([bank.force(np.array([[d]]))[0, 0] for d in path])
+    cycle = slice(800, 2401)
+    dissipated = np.trapezoid(force[cycle], path[cycle])
+    law = 4 * K_T * phi_max**2 * (chi + 1) / ((1 + beta) * (chi + 2) * (chi + 3)) * s ** (chi + 3)
+    assert dissipated == pytest.approx(law, rel=0.02)
+
+
+def test_the_generator_shares_nothing_with_the_package():
+    for source in Path(__file__).parent.glob("*.py"):
+        names = set()
+        for node in ast.walk(ast.parse(source.read_text())):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                names.add((node.module or "").split(".")[0])
+        assert not names & {"iwanjax", "numba", "jax"}, source.name
