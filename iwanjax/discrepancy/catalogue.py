@@ -3,13 +3,14 @@
 import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from iwanjax.errors import InputError
 from iwanjax.joints import ParameterInfo
+from iwanjax.joints.iwan import IWAN_PARAMETERS
 
 
 class Motion(NamedTuple):
@@ -44,8 +45,8 @@ class Scales(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Kind:
-    """One kind of missing physics: a force size * unit_force at some place.
+class ForceKind:
+    """One kind of missing physics: a force size * unit_force at some place of the structure.
 
     Parameters
     ----------
@@ -65,6 +66,10 @@ class Kind:
         Scales -> values of it to begin with.
     positive : bool
         Whether a negative size means nothing.
+    inertial : bool
+        Whether the force is in proportion to the place's acceleration.
+    variant : str
+        Which of several forms of the same name, in words; empty for the only one.
     """
 
     name: str
@@ -75,6 +80,55 @@ class Kind:
     shape: ParameterInfo | None = None
     shapes: Callable[[Scales], tuple[float, ...]] = lambda scales: (1.0,)
     positive: bool = False
+    inertial: bool = False
+    variant: str = ""
+
+
+@dataclass(frozen=True)
+class SensorKind:
+    """One kind of fault of the measurement chain; it acts on what is predicted, not on the data.
+
+    Parameters
+    ----------
+    name, usual, size, signs
+        As for :class:`ForceKind`.
+    acts : {"gain", "delay", "limit"}
+        What is wrong with a sensor: a factor 1 + size, a delay in seconds, or the largest value
+        that it shows.
+    fixed : float, optional
+        The size, where there is nothing to fit.
+    positive : bool
+        Whether a negative size means nothing.
+    """
+
+    name: str
+    usual: str
+    size: ParameterInfo
+    signs: str
+    acts: Literal["gain", "delay", "limit"]
+    fixed: float | None = None
+    positive: bool = False
+
+
+@dataclass(frozen=True)
+class JointKind:
+    """One kind of fault of the model's joints, or a joint too few.
+
+    Parameters
+    ----------
+    name, usual, signs
+        As for :class:`ForceKind`.
+    parameters : tuple of ParameterInfo
+        What is fitted.
+    """
+
+    name: str
+    usual: str
+    parameters: tuple[ParameterInfo, ...]
+    signs: str
+
+
+Kind: TypeAlias = ForceKind | SensorKind | JointKind
 
 
 def _memoryless(law: Callable[[Motion, Array], Array]) -> UnitForce:
@@ -92,60 +146,69 @@ def _maxwell(motion: Motion, tau: Array, stretch: Array) -> tuple[Array, Array]:
     return stretch, stretch
 
 
-_KINDS = (
-    Kind(
+_KINDS: tuple[Kind, ...] = (
+    ForceKind(
         "stiffness_error",
         "wrong or missing linear stiffness, boundary",
         ParameterInfo("k", "force/length", "stiffness"),
         _memoryless(lambda m, _: m.d),
         "a frequency that is off at every amplitude",
     ),
-    Kind(
+    ForceKind(
         "mass_error",
         "unmodelled mass (sensor, cable, fixture)",
         ParameterInfo("m", "mass", "mass"),
         _memoryless(lambda m, _: m.a),
         "frequencies that are off at every amplitude, the higher the more",
+        inertial=True,
     ),
-    Kind(
+    ForceKind(
         "viscous_damping",
         "unmodelled linear damper",
         ParameterInfo("c", "force*time/length", "viscous coefficient"),
         _memoryless(lambda m, _: m.v),
         "damping that is off at every amplitude",
     ),
-    Kind(
+    ForceKind(
         "cubic_stiffness",
         "hardening or softening, geometric",
         ParameterInfo("k3", "force/length^3", "cubic stiffness"),
         _memoryless(lambda m, _: m.d**3),
         "a frequency that changes with the square of the amplitude; third harmonics",
     ),
-    Kind(
+    ForceKind(
         "quadratic_stiffness",
         "asymmetric elastic force, curvature",
         ParameterInfo("k2", "force/length^2", "quadratic stiffness"),
         _memoryless(lambda m, _: m.d**2),
         "an offset and second harmonics that grow with amplitude",
     ),
-    Kind(
-        "gap_contact",
-        "clearance, stop, bolt-shank pinning",
-        ParameterInfo("k", "force/length", "contact stiffness", 0.0),
-        _memoryless(lambda m, g: jnp.sign(m.d) * jnp.maximum(jnp.abs(m.d) - g, 0.0)),
-        "a frequency that rises suddenly above some amplitude",
-        ParameterInfo("gap", "length", "clearance", 0.0),
-        lambda s: (0.3 * s.deflection, 0.7 * s.deflection),
-        positive=True,
+    *(
+        ForceKind(
+            "gap_contact",
+            "clearance, stop, bolt-shank pinning",
+            ParameterInfo("k", "force/length", "contact stiffness", 0.0),
+            _memoryless(law),
+            "a frequency that rises suddenly above some amplitude",
+            ParameterInfo("gap", "length", "clearance", 0.0),
+            lambda s: (0.3 * s.deflection, 0.7 * s.deflection),
+            positive=True,
+            variant=variant,
+        )
+        for variant, law in (
+            ("", lambda m, g: jnp.sign(m.d) * jnp.maximum(jnp.abs(m.d) - g, 0.0)),
+            ("where d > 0", lambda m, g: jnp.maximum(m.d - g, 0.0)),
+            ("where d < 0", lambda m, g: -jnp.maximum(-m.d - g, 0.0)),
+        )
     ),
-    Kind(
+    ForceKind(
         "bilinear_stiffness",
         "opening and closing contact, preload loss in a joint",
         ParameterInfo("dk", "force/length", "stiffness on one side"),
         _memoryless(lambda m, _: jnp.maximum(m.d, 0.0)),
         "an offset and even harmonics that keep their share at every amplitude",
     ),
-    Kind(
+    ForceKind(
         "coulomb_friction",
         "dry friction at a support or seal",
         ParameterInfo("k", "force/length", "stiffness before slip", 0.0),
@@ -155,14 +218,14 @@ _KINDS = (
         lambda s: (0.003 * s.deflection, 0.05 * s.deflection),
         positive=True,
     ),
-    Kind(
+    ForceKind(
         "quadratic_damping",
         "drag",
         ParameterInfo("c2", "force*time^2/length^2", "drag coefficient"),
         _memoryless(lambda m, _: m.v * jnp.abs(m.v)),
         "damping that grows in proportion to amplitude",
     ),
-    Kind(
+    ForceKind(
         "viscoelastic",
         "elastomer, bungee, seal",
         ParameterInfo("k", "force/length", "stiffness of the spring", 0.0),
@@ -172,23 +235,71 @@ _KINDS = (
         lambda s: (0.4 * s.period, 2.0 * s.period),
         positive=True,
     ),
+    SensorKind(
+        "sensor_gain",
+        "calibration of a sensor",
+        ParameterInfo("gain_error", "1", "factor of the sensor less one"),
+        "one sensor off by the same share at every frequency and amplitude",
+        "gain",
+    ),
+    SensorKind(
+        "sensor_delay",
+        "delay of a filter in one channel",
+        ParameterInfo("delay", "time", "by which the sensor is late", 0.0),
+        "one sensor whose phase lags in proportion to frequency",
+        "delay",
+        positive=True,
+    ),
+    SensorKind(
+        "sensor_saturation",
+        "overload of an amplifier",
+        ParameterInfo("limit", "sensor", "largest value that the sensor shows", 0.0),
+        "peaks of one sensor that are cut at one level",
+        "limit",
+    ),
+    SensorKind(
+        "sensor_polarity",
+        "sensor mounted or wired the wrong way round",
+        ParameterInfo("factor", "1", "factor of the sensor less one"),
+        "one sensor with the opposite sign",
+        "gain",
+        fixed=-2.0,
+    ),
+    JointKind(
+        "stiction",
+        "static and kinetic friction that differ",
+        (ParameterInfo("theta", "1", "kinetic over static friction", 0.0, upper=1.0),),
+        "less damping after large amplitudes than the joint's growth would have it",
+    ),
+    JointKind(
+        "joint_drift",
+        "bolt loosening, wear-in, temperature",
+        (
+            ParameterInfo("F_S_change", "1", "of ln F_S from recording to recording"),
+            ParameterInfo("K_T_change", "1", "of ln K_T from recording to recording"),
+        ),
+        "recordings that each want another strength of one joint",
+    ),
+    JointKind("iwan_joint", "a joint left out", IWAN_PARAMETERS, "microslip where no joint is"),
 )
 
-CATALOGUE: dict[str, Kind] = {kind.name: kind for kind in _KINDS}
-"""All kinds by name; :func:`register_kind` adds one's own."""
+CATALOGUE: dict[str, tuple[Kind, ...]] = {}
+"""All kinds by name, each with its variants; :func:`register_kind` adds one's own."""
+for _kind in _KINDS:
+    CATALOGUE[_kind.name] = (*CATALOGUE.get(_kind.name, ()), _kind)
 
 
-def register_kind(kind: Kind) -> None:
+def register_kind(kind: ForceKind) -> None:
     """Make a kind of one's own take part in every diagnosis.
 
     Raises
     ------
     InputError
-        For something else than a Kind, or a name that is taken.
+        For something else than a ForceKind, or a name that is taken.
     """
-    if not isinstance(kind, Kind):
-        raise InputError(f"register_kind: expected a Kind, got {type(kind).__name__}")
-    if CATALOGUE.setdefault(kind.name, kind) is not kind:
+    if not isinstance(kind, ForceKind):
+        raise InputError(f"register_kind: expected a ForceKind, got {type(kind).__name__}")
+    if CATALOGUE.setdefault(kind.name, (kind,)) != (kind,):
         raise InputError(f"register_kind: {kind.name!r} is taken")
 
 
@@ -205,4 +316,4 @@ def kinds_of(names: tuple[str, ...] = ()) -> tuple[Kind, ...]:
             near = difflib.get_close_matches(name, CATALOGUE, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(CATALOGUE)}"
             raise InputError(f"hypotheses: {name!r} is unknown; {hint}")
-    return tuple(CATALOGUE[name] for name in names) if names else tuple(CATALOGUE.values())
+    return tuple(kind for name in names or CATALOGUE for kind in CATALOGUE[name])

@@ -8,16 +8,27 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from iwanjax.discrepancy.refit import Data
+from iwanjax.discrepancy.hold import hold
+from iwanjax.discrepancy.prediction import Data, Predictor
+from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.errors import InputError
 
-# A force counts where it exceeds so many deviations of its noise, or this share of its peak.
-_ABOVE_NOISE, _ABOVE_PEAK, _BESIDE = 6.0, 1e-3, 2
+# A pulse reaches as far as a force exceeds so many deviations of its noise, or this share of
+# its peak, and some samples beyond; a burst of fewer samples is noise.
+_ABOVE_NOISE, _ABOVE_PEAK, _BESIDE, _FEWEST = 6.0, 1e-3, 3, 2
+# Forces that act longer than this share of a recording are taken as they are.
+_ALWAYS = 0.5
 # Samples before the first force that a sensor's noise is measured on, and those beside it that
-# a sensor's own filter may spoil.
-_ENOUGH, _SPOILT = 20, 5
+# a sensor's own filter may spoil; as many at either end of a recording are left out.
+_ENOUGH, _SPOILT = 20, 8
 # Share of a channel's root mean square that a model may be off by and still be right.
-_MODEL_ERROR = 0.005
+_MODEL_ERROR = 0.002
+# Share of a force's peak that its samples may be off by while it acts.
+_FORCE_ERROR = 0.01
+# Parts of a step between samples that a force is followed in.
+_PARTS = 4
+# Directions in which the state after a pulse is uncertain.
+DIRECTIONS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,134 +62,247 @@ class Prepared:
     names : tuple of str
         Of the recordings.
     data : Data
-        Forces cleaned, weights zero where nothing was measured.
+        As the predictor takes them.
     noise : (recordings, sensors) array
         Standard deviation of each sensor's noise.
-    force_noise : (recordings, inputs) array
-        The same of the forces.
+    warnings : tuple of str
+        What is odd about them.
     """
 
     names: tuple[str, ...]
     data: Data
     noise: np.ndarray
-    force_noise: np.ndarray
+    warnings: tuple[str, ...]
 
-    def drawn(self, random: np.random.Generator) -> Data:
-        """The data with the forces' noise once more in their pulses."""
-        force = np.asarray(self.data.force)
-        recordings, samples, _, inputs = force.shape
-        errors = np.zeros((recordings, samples, inputs))
-        for row, deviation in zip(errors, self.force_noise, strict=False):
-            row[:] = deviation * random.standard_normal(row.shape)
-        spread = np.stack([between(each, force.shape[2]) for each in errors])
-        return self.data._replace(force=jnp.asarray(force + np.where(force != 0, spread, 0.0)))
+
+@dataclass(frozen=True, eq=False)
+class Force:
+    """A measured force, zero outside its pulses.
+
+    Attributes
+    ----------
+    clean : (N, inputs) array
+        Of it.
+    first, last : int
+        Samples between which it acts.
+    noise : (inputs,) array
+        Standard deviation.
+    """
+
+    clean: np.ndarray
+    first: int
+    last: int
+    noise: np.ndarray
 
 
 def prepared(
     recordings: Sequence[Transient],
+    made: Predictor,
+    modal: ModalCoordinates,
     known_noise: np.ndarray,
     length: int,
     count: int,
-    substeps: int,
 ) -> Prepared:
-    """Clean forces and weigh residuals.
+    """Clean forces, integrate what they do to the modes, and weigh residuals.
 
     Parameters
     ----------
     recordings : sequence of Transient
         To be compared together.
+    made, modal : Predictor, ModalCoordinates
+        Of the structure.
     known_noise : (sensors,) array
         Standard deviations that the study gives; NaN where it does not.
     length, count : int
         Samples, and recordings, to fill up to: kernels are compiled for one shape.
-    substeps : int
-        Steps between samples.
 
     Raises
     ------
     InputError
         For recordings that are not finite, and those whose forces are all zero.
     """
-    force, response, weight, noises, force_noises = [], [], [], [], []
+    rows, noises, warnings = [], [], []
     for each in recordings:
-        for array, what in ((each.response, "response"), (each.force, "force")):
-            if not np.all(np.isfinite(array)):
-                raise InputError(f"{each.name}: {what} holds NaN or infinite values")
-        if not np.any(each.force):
-            raise InputError(
-                f"{each.name}: the force is zero throughout; a diagnosis needs recordings with "
-                "the force that made them"
-            )
-        cleaned, first, force_noise = _cleaned(each.force)
-        noise = np.where(np.isnan(known_noise), _noise(each.response, first), known_noise)
+        _check(each)
+        force = cleaned(each.force)
+        noise = np.where(np.isnan(known_noise), _noise(each.response, force.first), known_noise)
         rms = np.sqrt(np.mean(each.response**2, axis=0))
-        if np.any(rms == 0):
-            raise InputError(
-                f"{each.name}: sensor {int(np.argmin(rms))} shows nothing at all; leave it out"
+        deviation = np.sqrt(noise**2 + (_MODEL_ERROR * rms) ** 2)
+        weight = 1.0 / np.sqrt(deviation**2 + _felt(made, modal, force) ** 2)
+        weight[:_SPOILT] = weight[-_SPOILT:] = 0.0
+        missing = (0, length - len(each.response))
+        kick = np.zeros(length)
+        kick[min(force.last + 1, len(each.response) - 1)] = 1.0
+        push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))))
+        rows.append(
+            Data(
+                push,
+                np.pad(each.response, (missing, (0, 0))),
+                np.pad(weight, (missing, (0, 0))),
+                kick,
+                _unsure(made, modal, force),
             )
-        missing = length - len(each.response)
-        force.append(between(np.pad(cleaned, ((0, missing), (0, 0))), substeps))
-        response.append(np.pad(each.response, ((0, missing), (0, 0))))
-        row = 1.0 / np.sqrt(noise**2 + (_MODEL_ERROR * rms) ** 2)
-        weight.append(np.pad(np.tile(row, (len(each.response), 1)), ((0, missing), (0, 0))))
+        )
         noises.append(noise)
-        force_noises.append(force_noise)
-    repeated = [i % len(recordings) for i in range(count)]
-    filled = [i < len(recordings) for i in range(count)]
-    return Prepared(
-        tuple(each.name for each in recordings),
-        Data(
-            jnp.asarray(np.stack([force[i] for i in repeated])),
-            jnp.asarray(np.stack([response[i] for i in repeated])),
-            jnp.asarray(
-                np.stack([weight[i] * own for i, own in zip(repeated, filled, strict=True)])
-            ),
-        ),
-        np.stack(noises),
-        np.stack(force_noises),
-    )
+        warnings += _odd(each, force)
+    filled = [
+        row if i < len(rows) else row._replace(weight=0.0 * row.weight)
+        for i, row in enumerate(rows[i % len(rows)] for i in range(count))
+    ]
+    data = Data(*(jnp.asarray(np.stack(column)) for column in zip(*filled, strict=True)))
+    names = tuple(each.name for each in recordings)
+    return Prepared(names, data, np.stack(noises), tuple(warnings))
 
 
-def between(force: np.ndarray, substeps: int) -> np.ndarray:
-    """Forces at the ends of the steps to each sample, (N, substeps, inputs), by cubic splines.
+def _check(each: Transient) -> None:
+    for array, what in ((each.response, "response"), (each.force, "force")):
+        if not np.all(np.isfinite(array)):
+            raise InputError(f"{each.name}: {what} holds NaN or infinite values")
+    if not np.any(each.force):
+        raise InputError(
+            f"{each.name}: the force is zero throughout; a diagnosis needs recordings with the "
+            "force that made them"
+        )
+    silent = np.flatnonzero(~np.any(each.response, axis=0))
+    if silent.size:
+        raise InputError(f"{each.name}: sensor {silent[0]} shows nothing at all; leave it out")
+    if len(each.response) < _ENOUGH + 2 * _SPOILT:
+        raise InputError(f"{each.name}: {len(each.response)} samples are too few to diagnose")
 
-    A hammer's pulse may be ten samples long: straight lines between them lose some of it.
-    """
-    import scipy.interpolate
 
-    N = force.shape[0]
-    spline = scipy.interpolate.CubicSpline(np.arange(N), force)
-    ends = np.arange(N)[:, None] - 1.0 + np.arange(1, substeps + 1) / substeps
-    found = spline(np.maximum(ends, 0.0))
-    # Outside the pulse a spline would ring.
-    quiet = (force == 0) & (np.roll(force, 1, axis=0) == 0)
-    return np.where(quiet[:, None, :], 0.0, found)
+def _odd(each: Transient, force: Force) -> list[str]:
+    """What about a recording may mislead."""
+    found = []
+    for i, column in enumerate(force.clean.T):
+        size = np.abs(column)
+        acting = int(np.sum(size > 0.1 * np.max(size))) if np.any(size) else 0
+        if 0 < acting < 5:
+            found.append(
+                f"{each.name}: the pulse of input {i} has {acting} samples; what happens between "
+                "them may look like missing physics"
+            )
+        if acting >= 5 and int(np.sum(size >= 0.999 * np.max(size))) >= max(3, acting // 4):
+            found.append(
+                f"{each.name}: the force of input {i} looks clipped; its true size is not known"
+            )
+    return found
 
 
-def _cleaned(force: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
-    """Forces, zero outside their pulses; the first sample of any; each one's noise."""
-    cleaned, first = np.zeros_like(force), force.shape[0]
-    noise = np.zeros(force.shape[1])
+def _felt(made: Predictor, modal: ModalCoordinates, force: Force) -> np.ndarray:
+    """What errors of a force do to accelerations at once while it acts, (N, sensors)."""
+    pulse = np.any(force.clean != 0, axis=1)
+    if made.quantity != "acceleration":
+        return np.zeros((len(pulse), made.sensors.shape[0]))
+    errors = force.noise + _FORCE_ERROR * np.max(np.abs(force.clean), axis=0)
+    direct = np.asarray(made.sensors) @ np.asarray(modal.W)[: made.kept]
+    size = np.sqrt(direct**2 @ errors**2)
+    wide = np.convolve(pulse, np.ones(2 * _BESIDE + 1), "same") > 0
+    return wide[:, None] * size
+
+
+def cleaned(force: Float[np.ndarray, "N inputs"]) -> Force:
+    """Forces without the noise beside their pulses."""
+    clean, noise = np.zeros_like(force), np.zeros(force.shape[1])
+    first, last = len(force), 0
     for i, column in enumerate(force.T):
         peak = np.max(np.abs(column))
         if peak == 0:
             continue
         tail = column[-(len(column) // 4) :]
         noise[i] = 1.4826 * np.median(np.abs(tail - np.median(tail)))
-        acting = np.flatnonzero(np.abs(column) > max(_ABOVE_NOISE * noise[i], _ABOVE_PEAK * peak))
-        if not acting.size:
-            continue
-        part = slice(max(0, acting[0] - _BESIDE), acting[-1] + _BESIDE + 1)
-        cleaned[part, i] = column[part]
-        first = min(first, int(acting[0]))
-    return cleaned, first, noise
+        acts = np.abs(column) > max(_ABOVE_NOISE * noise[i], _ABOVE_PEAK * peak)
+        acts[:1] = acts[-_SPOILT:] = False
+        for start, end in _runs(acts):
+            part = slice(max(0, start - _BESIDE), end + _BESIDE)
+            clean[part, i] = column[part]
+            first, last = min(first, start), max(last, end + _BESIDE)
+        if np.mean(clean[:, i] != 0) > _ALWAYS:
+            clean[:, i], first, last = column, 0, 0
+    return Force(clean, min(first, len(force) - 1), min(last, len(force) - 1), noise)
+
+
+def _runs(acts: np.ndarray) -> list[tuple[int, int]]:
+    """First samples of the pulses, and those after their last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], acts.astype(int), [0]])))
+    pairs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    return [(a, b) for a, b in pairs if b - a >= _FEWEST]
+
+
+def _pushed(made: Predictor, modal: ModalCoordinates, force: np.ndarray) -> np.ndarray:
+    """What a force does to the modes over each step, by cubic splines through its samples.
+
+    A hammer's pulse may be ten samples long: straight lines between them lose some of it.
+    """
+    import scipy.interpolate
+
+    kept, W = made.kept, np.asarray(modal.W)
+    N, steps = len(force), made.substeps
+    left = W.shape[0] - kept
+    push = np.zeros((N, steps, 3 * kept + left))
+    acts = np.any(force != 0, axis=1)
+    near = np.flatnonzero(acts | np.roll(acts, -1) | np.roll(acts, 1))
+    near = near[near > 0]
+    if not near.size:
+        return push
+    spline = scipy.interpolate.CubicSpline(np.arange(N), force)
+    part = float(made.dt) / _PARTS
+    by = hold(np.asarray(made.omega2), np.asarray(made.C), part)
+    for k in range(steps):
+        q = v = jnp.zeros((kept, len(near)))
+        for j in range(_PARTS):
+            ends = near - 1.0 + (k + (j + np.array([[0.0], [0.5], [1.0]])) / _PARTS) / steps
+            f_0, f_half, f_1 = (W[:kept] @ spline(each).T for each in ends)
+            q, v = by.free(q, v)
+            more_q, more_v = by.pushed(
+                (
+                    jnp.asarray(f_0),
+                    jnp.asarray(4.0 * f_half - 3.0 * f_0 - f_1),
+                    jnp.asarray(2.0 * (f_0 - 2.0 * f_half + f_1)),
+                )
+            )
+            q, v = q + more_q, v + more_v
+        end = spline(near - 1.0 + (k + 1.0) / steps) @ W.T
+        # Outside its pulse a spline would ring.
+        end = np.where(acts[near, None], end, 0.0)
+        push[near, k] = np.concatenate([np.asarray(q).T, np.asarray(v).T, end], axis=1)
+    return push
+
+
+def _unsure(made: Predictor, modal: ModalCoordinates, force: Force) -> np.ndarray:
+    """Directions and deviations of the state after a pulse whose force is noisy."""
+    from iwanjax.discrepancy.observer import stepped
+
+    kept = made.kept
+    C = np.asarray(made.C)
+    A = np.block(
+        [
+            [np.zeros((kept, kept)), np.eye(kept)],
+            [-np.diag(made.omega2), -(C if C.ndim == 2 else np.diag(C))],
+        ]
+    )
+    dt = float(made.dt) * made.substeps
+    step = stepped(A, dt)
+    W = np.vstack([np.zeros_like(modal.W[:kept]), modal.W[:kept]]) * dt
+    columns = []
+    for n in range(force.last, max(force.first - _BESIDE, 0) - 1, -1):
+        active = np.flatnonzero(force.clean[n])
+        columns += [W[:, i] * force.noise[i] for i in active]
+        W = step @ W
+    found = np.zeros((2 * kept, DIRECTIONS))
+    if columns:
+        # Displacements times frequencies: both halves of the state are of one size then.
+        size = np.concatenate([np.sqrt(np.maximum(made.omega2, 1.0)), np.ones(kept)])
+        U, S, _ = np.linalg.svd(size[:, None] * np.stack(columns, axis=1), full_matrices=False)
+        count = min(DIRECTIONS, len(S))
+        found[:, :count] = U[:, :count] * S[:count] / size[:, None]
+    return found
 
 
 def _noise(response: np.ndarray, first: int) -> np.ndarray:
     """Of the sensors before the first force; else of third differences at the end."""
-    before = response[: max(0, first - _SPOILT)]
+    before = response[_SPOILT : max(0, first - _SPOILT)]
     if len(before) >= _ENOUGH:
         return np.std(before, axis=0)
-    tail = response[-(len(response) // 8) :]
+    tail = response[-(len(response) // 8) : -_SPOILT]
     # Third differences of white noise have twenty times its variance.
     return np.std(np.diff(tail, 3, axis=0), axis=0) / np.sqrt(20.0)

@@ -7,70 +7,92 @@ import numpy as np
 # Exponents of ten between which the size of the process noise is looked for.
 _SIZES = (-14.0, 14.0)
 _ROUNDS = 40
+# Doublings of the horizon until the equation's solution stands still.
+_DOUBLINGS, _STILL = 60, 1e-10
 
 
-def observer_gain(
-    A: np.ndarray, H: np.ndarray, noise: np.ndarray, dt: float, cycles: float
-) -> np.ndarray:
-    """Steady Kalman gain that lets errors of the state die within some cycles.
+def stepped(A: np.ndarray, dt: float) -> np.ndarray:
+    """The state's map over dt, of one state matrix or a stack of them."""
+    import scipy.linalg
 
-    Process noise acts on the modal velocities only; its size is bisected so that the median
-    pole of the observer decays by 1/cycles per cycle. A long memory (infinity: none at all,
-    the free run) accumulates phase and has countless minima in the parameters; with a short
-    one residuals are nearly linear in them.
+    return scipy.linalg.expm(A * dt)
+
+
+def observer_gain(step: np.ndarray, H: np.ndarray, dt: float, size: float) -> np.ndarray:
+    """Steady Kalman gain for process noise of a size on the modal velocities.
+
+    The discrete Riccati equation is solved by doubling the horizon (Anderson 1978), a whole
+    stack of systems at once.
 
     Parameters
     ----------
-    A : (2 m, 2 m) array
-        Continuous state matrix of displacements and velocities.
-    H : (sensors, 2 m) array
-        What the sensors see of the state.
-    noise : (sensors,) array
-        Standard deviations.
+    step : (..., 2 m, 2 m) array
+        Map of the state from a sample to the next.
+    H : (..., sensors, 2 m) array
+        What the sensors see of it, in deviations of their noise.
     dt : float
         Between samples, s.
-    cycles : float
-        Memory.
+    size : float
+        Variance of the process noise over dt; zero gives no gain, the free run.
 
     Returns
     -------
-    (2 m, sensors) array
-        Of the correction after each sample.
+    (..., 2 m, sensors) array
+        Of the correction after each sample, NaN where no solution was found.
     """
-    import scipy.linalg
+    states = step.shape[-1]
+    turned = np.swapaxes(H, -1, -2)
+    if size == 0.0:
+        return np.zeros_like(turned)
+    eye = np.eye(states)
+    F = np.swapaxes(step, -1, -2)
+    G = turned @ H
+    P = np.zeros_like(F) + size * np.diag(np.repeat([0.0, dt], states // 2))
+    for _ in range(_DOUBLINGS):
+        inner = np.linalg.solve(eye + G @ P, np.concatenate([F, G], axis=-1))
+        mapped, weighed = inner[..., :states], inner[..., states:]
+        back = np.swapaxes(F, -1, -2)
+        # Symmetric by theory, and kept so.
+        more = back @ P @ mapped
+        more = 0.5 * (more + np.swapaxes(more, -1, -2))
+        G = G + F @ weighed @ back
+        F = F @ mapped
+        P = P + more
+        if not np.all(np.isfinite(P)):
+            break
+        if np.max(np.abs(more)) <= _STILL * np.max(np.abs(P)):
+            break
+    seen = P @ turned
+    return np.swapaxes(
+        np.linalg.solve(H @ seen + np.eye(H.shape[-2]), np.swapaxes(seen, -1, -2)), -1, -2
+    )
 
-    states, sensors = A.shape[0], H.shape[0]
+
+def process_noise(step: np.ndarray, H: np.ndarray, dt: float, cycles: float) -> float:
+    """Size of the process noise for which the observer's median pole decays by 1/cycles a cycle.
+
+    A long memory (infinity: none at all, the free run) accumulates phase and has countless
+    minima in the parameters; with a short one residuals are nearly linear in them.
+
+    Parameters
+    ----------
+    step, H, dt
+        As for :func:`observer_gain`, of one system.
+    cycles : float
+        Memory.
+    """
     if math.isinf(cycles):
-        return np.zeros((states, sensors))
-    step = scipy.linalg.expm(A * dt)
-    pushed = np.diag(np.repeat([0.0, dt], states // 2))
-    # Sensors of different size are weighed by their noise.
-    scaled = H / noise[:, None]
-    eye = np.eye(sensors)
-
-    def gain(exponent: float) -> np.ndarray:
-        P = scipy.linalg.solve_discrete_are(step.T, scaled.T, 10.0**exponent * pushed, eye)
-        return P @ scaled.T @ np.linalg.inv(scaled @ P @ scaled.T + eye)
-
-    def decay(L: np.ndarray) -> float:
-        poles = np.linalg.eigvals((np.eye(states) - L @ scaled) @ step)
-        turns = np.maximum(np.abs(np.angle(poles)), 1e-9) / (2.0 * np.pi)
-        return float(np.median(-np.log(np.maximum(np.abs(poles), 1e-300)) / turns))
-
+        return 0.0
+    eye = np.eye(step.shape[-1])
     low, high = _SIZES
-    found = None
     for _ in range(_ROUNDS):
         middle = 0.5 * (low + high)
-        try:
-            tried = gain(middle)
-        except np.linalg.LinAlgError:
-            # Too little noise for the equation to be solved in floating point.
-            low = middle
-            continue
-        found = tried
-        if decay(tried) > 1.0 / cycles:
+        gain = observer_gain(step, H, dt, 10.0**middle)
+        poles = np.linalg.eigvals((eye - gain @ H) @ step)
+        turns = np.maximum(np.abs(np.angle(poles)), 1e-9) / (2.0 * np.pi)
+        decay = float(np.median(-np.log(np.maximum(np.abs(poles), 1e-300)) / turns))
+        if decay > 1.0 / cycles:
             high = middle
         else:
             low = middle
-    assert found is not None, "no process noise gives a gain"
-    return found / noise
+    return 10.0 ** (0.5 * (low + high))

@@ -1,4 +1,8 @@
-"""Predicting recordings from a sample to the next, with suspected forces at every place."""
+"""Predicting recordings from a sample to the next, with suspects in the structure and its sensors.
+
+A compiled kernel serves every hypothesis: which kind of force acts at which place, or which
+sensor is at fault, are arrays, not code.
+"""
 
 from typing import Any, Literal, NamedTuple
 
@@ -8,227 +12,457 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.catalogue import Kind, Motion
-from iwanjax.discrepancy.observer import observer_gain
-from iwanjax.dynamics.balance import Joints, StepEnd, balance
+from iwanjax.discrepancy.catalogue import ForceKind, Motion
+from iwanjax.discrepancy.hold import Hold, hold, on
+from iwanjax.dynamics.balance import Joints
 from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
-from iwanjax.dynamics.propagator import Propagator, propagator
 from iwanjax.joints import AbstractJoint
 from iwanjax.structures import JointedStructure
+from iwanjax.structures.small import solve_general
 
 Quantity = Literal["acceleration", "velocity", "displacement"]
 """What the sensors measure."""
 
+# Modes beyond this share of the sampling rate act by their flexibility.
+_HIGHEST = 0.6
+# Samples that a delayed sensor is interpolated from, by a polynomial.
+_DELAY_NODES = 8
+LONGEST_DELAY = 4.0
+"""Samples by which a sensor may be late."""
+
+
+# Entries of a matrix that is applied as a sum of products.
+_SMALL = 600
+
 
 class Suspects(NamedTuple):
-    """Sizes and shapes of every kind of force at every place; sizes of zero are no force.
+    """What is suspected beside the joints: a force at a place, or a sensor, in each slot.
 
     Attributes
     ----------
-    size, shape : (kinds, places) array
-        As the catalogue's kinds define them.
+    row : (slots, modes) array
+        Where a force acts, on all modes.
+    force : (slots, kinds) array
+        Zero but for the kind of force, where it is the unit of its size.
+    chain : (slots, 3, sensors) array
+        Zero but for what is wrong with a sensor: unit of its gain's error, of its delay in
+        samples, and of the largest value that it shows.
+    logarithmic : (slots,) array
+        1 where the size is the exponential of its parameter.
     """
 
-    size: Float[Array, "kinds places"]
-    shape: Float[Array, "kinds places"]
+    row: Float[Array, "slots modes"]
+    force: Float[Array, "slots kinds"]
+    chain: Float[Array, "slots 3 sensors"]
+    logarithmic: Float[Array, " slots"]
+
+
+class Values(NamedTuple):
+    """What is fitted, of one recording.
+
+    Attributes
+    ----------
+    z : (parameters,) array
+        Joint parameters, in prior deviations from those given.
+    suspects : (slots, 2) array
+        Of each slot the size in its unit, or its logarithm, and the logarithm of its shape.
+    state : (directions,) array
+        Errors of the state after the force, in deviations.
+    """
+
+    z: Float[Array, " parameters"]
+    suspects: Float[Array, "slots 2"]
+    state: Float[Array, " directions"]
+
+
+class Data(NamedTuple):
+    """Recordings, side by side.
+
+    Attributes
+    ----------
+    push : (recordings, N, substeps, states) array
+        What the forces do over each step that leads to a sample: to q, to v, their modal
+        forces at its end, and those of the modes left out.
+    response : (recordings, N, sensors) array
+        As measured.
+    weight : (recordings, N, sensors) array
+        One over the deviation that a residual may have; zero where nothing was measured.
+    kick : (recordings, N) array
+        One at the sample where the state is uncertain.
+    unsure : (recordings, 2 kept, directions) array
+        By how much, and along which directions.
+    """
+
+    push: Float[Array, "recordings N substeps states"]
+    response: Float[Array, "recordings N sensors"]
+    weight: Float[Array, "recordings N sensors"]
+    kick: Float[Array, "recordings N"]
+    unsure: Float[Array, "recordings states directions"]
 
 
 class _State(NamedTuple):
-    q: Array
-    v: Array
-    f: Array
+    """Of a run: modes as predicted, late by what the last forces were off, and memories.
+
+    ``g`` holds the forces at the last three steps and what the last of them was off.
+    """
+
+    z: Array
     g: Array
-    g_before: Array
-    joints: tuple[Any, ...]
-    extra: Array
     d: Array
+    joints: tuple[Any, ...]
     memory: Array
+    seen: Array
 
 
 class Predictor(eqx.Module):
-    """A structure's response to measured forces, corrected by what was measured before.
+    r"""A structure's response to measured forces, corrected by what was measured before.
 
-    All kinds of forces act at all places, with sizes that are zero unless told otherwise: one
-    compiled kernel serves every hypothesis, and derivatives with respect to a size at zero are
-    what a hypothesis would change.
+    Modes are exact; forces of joints and suspects are parabolas over a step. They are
+    extrapolated from their last three values, evaluated where that leads, and corrected by one
+    Newton step with the joints' tangents: third order, one evaluation a step.
 
     Attributes
     ----------
-    modal : ModalCoordinates
-        Modes about the starting joints.
-    by : Propagator
-        Of one of ``substeps`` steps between samples.
-    places : (places, modes) array
-        Rows where forces may be missing.
-    push : two (modes, places) arrays
-        What a unit of them at the end of a step does.
+    omega2, C : arrays
+        Of the modes that move.
+    joints : (joints, modes) array
+        Their rows on all modes.
+    sensors : (sensors, kept) array
+        What the sensors see of the modes that move.
+    left : (modes - kept,) array
+        Flexibilities of the others.
+    stiffness : (joints,) array
+        Reference stiffness of the joints.
+    by : Hold
+        Over one step.
     dt : array
         Step, s.
-    kinds : tuple of Kind
-        Of the suspects.
     """
 
-    modal: ModalCoordinates
-    by: Propagator
-    places: Float[Array, "places modes"]
-    push: tuple[Array, Array]
+    omega2: Float[Array, " kept"]
+    C: Float[Array, "*kept"]
+    joints: Float[Array, "joints modes"]
+    sensors: Float[Array, "sensors kept"]
+    left: Float[Array, " left"]
+    stiffness: Float[Array, " joints"]
+    by: Hold
     dt: Array
-    kinds: tuple[Kind, ...] = eqx.field(static=True)
+    kinds: tuple[ForceKind, ...] = eqx.field(static=True)
     quantity: Quantity = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
+
+    @property
+    def kept(self) -> int:
+        """Number of modes that move."""
+        return self.omega2.shape[0]
 
     def innovations(
         self,
         joints: tuple[AbstractJoint, ...],
         suspects: Suspects,
+        values: Values,
         gain: Float[Array, "states sensors"],
-        force: Float[Array, "N substeps inputs"],
-        response: Float[Array, "N sensors"],
+        data: Data,
     ) -> Float[Array, "N sensors"]:
-        """Measured less predicted at each sample, from rest; the first one is zero.
+        """Measured less predicted at each sample of one recording, from rest.
 
-        ``force`` is given at the ends of the steps that lead to each sample; ``gain`` of zeros
-        is the free run.
+        ``gain`` of zeros is the free run.
         """
-        modal, by = self.modal, self.by
-        discrete = Joints.of(tuple(joint.discrete(None) for joint in joints))
-        q_g, v_g = by.last(modal.P.T)
-        G, H = modal.P @ q_g, modal.P @ v_g
-        half = modal.omega2.shape[0]
+        run = _Run.of(self, joints, suspects, values, data.push)
+        kick = data.unsure @ values.state
 
-        def step(at: _State, f: Array) -> _State:
-            p = modal.W @ at.f + modal.P.T @ at.g - self.places.T @ at.extra
-            q, v = by.free(at.q, at.v, p, modal.W @ f)
-            # Suspected forces by their last value: a step changes little of them.
-            motion = self._motion(q, v, f, at)
-            extra, memory = self._forces(suspects, motion, at.memory)
-            q, v = q - self.push[0] @ extra, v - self.push[1] @ extra
-            end = StepEnd(
-                discrete, at.joints, modal.P @ q, modal.P @ v, G, H, modal.stiffness, self.dt
-            )
-            g = balance(2.0 * at.g - at.g_before, end)
-            reaction = end.react(g)
-            q, v = q + q_g @ g, v + v_g @ g
-            return _State(q, v, f, g, at.g, reaction.state, extra, self.places @ q, memory)
+        def sample(at: _State, measured: tuple[Array, ...]) -> tuple[_State, Array]:
+            push, felt, y, kicked = measured
+            # A loop, not unrolled: half the time to compile, and no slower.
+            at = jax.lax.scan(lambda at, f: (run.step(at, f), None), at, felt)[0]
+            at = at._replace(z=at.z + kicked * kick)
+            seen = jnp.concatenate([run.seen(at, push), at.seen[:-1]])
+            e = y - run.chained(seen)
+            return at._replace(z=at.z + _times(gain, e), seen=seen), e
 
-        def sample(at: _State, measured: tuple[Array, Array]) -> tuple[_State, Array]:
-            f, y = measured
-            for k in range(self.substeps):
-                at = step(at, f[k])
-            e = y - self._seen(at)
-            return at._replace(q=at.q + gain[:half] @ e, v=at.v + gain[half:] @ e), e
+        measured = (data.push[:, -1], run.felt, data.response, data.kick)
+        return jax.lax.scan(sample, run.rest(), measured)[1]
 
-        rest = jnp.zeros(half)
-        none, places = jnp.zeros(discrete.count), jnp.zeros(self.places.shape[0])
-        memory = jnp.zeros((len(self.kinds), self.places.shape[0]))
-        start = _State(
-            rest, rest, force[0, -1], none, none, discrete.init(), places, places, memory
-        )
-        e = jax.lax.scan(sample, start, (force[1:], response[1:]))[1]
-        return jnp.concatenate([jnp.zeros_like(e[:1]), e])
+    def observation(self, rows: Array, late: Array) -> Array:
+        """What sensors see of modes, forces, and how far the last forces were off."""
+        Y, none = self.sensors, jnp.zeros_like(self.sensors)
+        of_forces = jnp.zeros((Y.shape[0], rows.shape[0]))
+        if self.quantity == "displacement":
+            of_modes = jnp.concatenate([Y, none], axis=1)
+        elif self.quantity == "velocity":
+            of_modes = jnp.concatenate([none, Y], axis=1)
+        else:
+            of_modes = jnp.concatenate([-Y * self.omega2, -on(self.C.T, Y.T).T], axis=1)
+            of_forces = Y @ rows.T
+        return jnp.concatenate([of_modes, of_forces, of_modes @ late], axis=1)
 
-    def gain(
+    def linear(
         self,
         joints: tuple[AbstractJoint, ...],
         suspects: Suspects,
-        noise: np.ndarray,
-        cycles: float,
-    ) -> np.ndarray:
-        """Observer gain for these joints and linear suspects, about vanishing amplitude."""
-        modal = self.modal
-        P, rows = np.asarray(modal.P), np.asarray(self.places)
-        softer = np.array([float(j.initial_stiffness) for j in joints]) - np.asarray(
-            modal.stiffness
+        values: Values,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """State matrix and what the sensors see, about vanishing amplitude.
+
+        Of these joints and of suspects that are linear.
+        """
+        r = self.kept
+        P = np.asarray(self.joints)[:, :r]
+        softer = np.array([float(j.initial_stiffness) for j in joints]) - np.asarray(self.stiffness)
+        rows = np.asarray(suspects.row)[:, :r]
+        sizes = np.asarray(sizes_of(suspects, values.suspects))
+        linear = {
+            kind.name: np.asarray(suspects.force)[:, i] * sizes for i, kind in enumerate(self.kinds)
+        }
+        zero = np.zeros(len(rows))
+
+        def of(name: str) -> np.ndarray:
+            return (rows.T * linear.get(name, zero)) @ rows
+
+        C = np.asarray(self.C)
+        lower = np.hstack(
+            [
+                -np.diag(self.omega2) - (P.T * softer) @ P - of("stiffness_error"),
+                -(C if C.ndim == 2 else np.diag(C)) - of("viscous_damping"),
+            ]
         )
-        size = {kind.name: np.asarray(suspects.size)[i] for i, kind in enumerate(self.kinds)}
-        zero = np.zeros(rows.shape[0])
-        r = rows.shape[1]
-        K = np.diag(modal.omega2) + (P.T * softer) @ P
-        K = K + (rows.T * size.get("stiffness_error", zero)) @ rows
-        C = np.asarray(modal.C) if modal.C.ndim == 2 else np.diag(modal.C)
-        C = C + (rows.T * size.get("viscous_damping", zero)) @ rows
-        M = np.eye(r) + (rows.T * size.get("mass_error", zero)) @ rows
-        lower = np.linalg.solve(M, np.hstack([-K, -C]))
+        lower = np.linalg.solve(np.eye(r) + of("mass_error"), lower)
         A = np.vstack([np.hstack([np.zeros((r, r)), np.eye(r)]), lower])
-        Y = np.asarray(modal.Y)
+        gains = 1.0 + np.einsum("s,sk->k", sizes, np.asarray(suspects.chain)[:, 0])
+        Y = np.asarray(self.sensors) * gains[:, None]
         blank = np.zeros_like(Y)
         seen = {
             "displacement": np.hstack([Y, blank]),
             "velocity": np.hstack([blank, Y]),
             "acceleration": Y @ lower,
         }[self.quantity]
-        return observer_gain(A, seen, noise, float(self.dt) * self.substeps, cycles)
+        return A, seen
 
-    def _motion(self, q: Array, v: Array, f: Array, at: _State) -> Motion:
-        modal = self.modal
-        p = modal.W @ f + modal.P.T @ at.g - self.places.T @ at.extra
-        d = self.places @ q
-        return Motion(
-            d, self.places @ v, self.places @ self._acceleration(q, v, p), d - at.d, self.dt
+
+def sizes_of(suspects: Suspects, values: Array) -> Array:
+    """Sizes of the slots in their units."""
+    size = values[:, 0]
+    return jnp.where(suspects.logarithmic > 0, jnp.exp(jnp.minimum(size, 50.0)), size)
+
+
+class _Run(NamedTuple):
+    """Everything of a run that does not change from step to step.
+
+    One matrix takes modes and forces to the end of a step: to the modes there, the forces
+    expected, and the deflections, rates and accelerations that the places see.
+    """
+
+    by: Predictor
+    suspects: Suspects
+    size: Array
+    shape: Array
+    elements: Joints
+    onward: Array
+    felt: Array
+    compliance: Array
+    mobility: Array
+    inertance: Array
+    sensed_by: Array
+    largest: Array
+    observe: Array
+
+    @classmethod
+    def of(
+        cls,
+        predictor: Predictor,
+        joints: tuple[AbstractJoint, ...],
+        suspects: Suspects,
+        values: Values,
+        push: Array,
+    ) -> "_Run":
+        elements = Joints.of(tuple(joint.discrete(None) for joint in joints))
+        whole = jnp.concatenate([predictor.joints, suspects.row])
+        kept = predictor.kept
+        rows, left = whole[:, :kept], whole[:, kept:]
+        new = suspects.row[:, :kept]
+        by = predictor.by
+        q = [on(b, rows.T) for b in by.q_by]
+        v = [on(b, rows.T) for b in by.v_by]
+        # A force that ends e off what was extrapolated is (s + s^2)/2 e off on the way.
+        q_late, v_late = 0.5 * (q[1] + q[2]), 0.5 * (v[1] + v[2])
+        q_on, v_on = by.free(q_late, v_late)
+        # Parabolas through the last three values: what multiplies each of them.
+        through = ((1.0, 1.5, 0.5), (0.0, -2.0, -1.0), (0.0, 0.5, 0.5))
+        q_from, v_from = (
+            [sum(c * b for c, b in zip(row, x, strict=True)) for row in through] for x in (q, v)
+        )
+        m, none = rows.shape[0], jnp.zeros_like(rows)
+        eye, blank = jnp.eye(kept), jnp.zeros((kept, kept))
+        (q_q, q_v), (v_q, v_v) = by.free(eye, blank), by.free(blank, eye)
+        modes = jnp.concatenate(
+            [
+                jnp.concatenate([q_q, v_q, *q_from, q_on], axis=1),
+                jnp.concatenate([q_v, v_v, *v_from, v_on], axis=1),
+            ]
+        )
+        one, nil = jnp.eye(m), jnp.zeros((m, m))
+        expected = jnp.concatenate(
+            [jnp.zeros((m, 2 * kept)), 3.0 * one, -3.0 * one, one, nil], axis=1
+        )
+        watch = jnp.concatenate(
+            [
+                jnp.concatenate([rows, none], axis=1),
+                jnp.concatenate([none, rows], axis=1),
+                jnp.concatenate([-new * predictor.omega2, -on(predictor.C.T, new.T).T], axis=1),
+            ]
+        )
+        flexibility = (left * predictor.left) @ left.T
+        inertance = new @ rows.T
+        at_once = jnp.concatenate([flexibility, nil, inertance]) @ expected
+        size = sizes_of(suspects, values.suspects)
+        shape = jnp.exp(jnp.clip(values.suspects[:, 1], -80.0, 80.0))
+        pushed = push[..., : 2 * kept]
+        felt = jnp.concatenate(
+            [
+                push[..., 3 * kept :] @ (left * predictor.left).T,
+                jnp.zeros((*push.shape[:-1], m)),
+                push[..., 2 * kept : 3 * kept] @ new.T,
+            ],
+            axis=-1,
+        )
+        return cls(
+            predictor,
+            suspects,
+            size,
+            shape,
+            elements,
+            jnp.concatenate([modes, expected, watch @ modes + at_once]),
+            jnp.concatenate(
+                [pushed, jnp.zeros((*push.shape[:-1], m)), pushed @ watch.T + felt], axis=-1
+            ),
+            rows @ q_late + flexibility,
+            rows @ v_late,
+            inertance,
+            *_chain(suspects, size, shape),
+            predictor.observation(rows, jnp.concatenate([q_late, v_late])),
         )
 
-    def _forces(self, suspects: Suspects, motion: Motion, memory: Array) -> tuple[Array, Array]:
-        """Sum of all suspected forces at each place, and what they remember."""
-        total, kept = jnp.zeros(self.places.shape[0]), []
-        for i, kind in enumerate(self.kinds):
-            unit, after = kind.unit_force(motion, suspects.shape[i], memory[i])
-            total = total + suspects.size[i] * unit
-            kept.append(after)
-        return total, jnp.stack(kept)
+    def rest(self) -> _State:
+        """Nothing moves yet."""
+        predictor, m = self.by, self.mobility.shape[0]
+        return _State(
+            jnp.zeros(2 * predictor.kept),
+            jnp.zeros(4 * m),
+            jnp.zeros(m),
+            self.elements.init(),
+            jnp.zeros(self.suspects.force.shape),
+            jnp.zeros((_DELAY_NODES, predictor.sensors.shape[0])),
+        )
 
-    def _acceleration(self, q: Array, v: Array, p: Array) -> Array:
-        modal = self.modal
-        lost = modal.C @ v if modal.C.ndim == 2 else modal.C * v
-        return p - lost - modal.omega2 * q
+    def step(self, at: _State, felt: Array) -> _State:
+        """Over one step, with what the measured force does over it."""
+        r, m = self.by.kept, self.mobility.shape[0]
+        new = _times(self.onward, jnp.concatenate([at.z, at.g])) + felt
+        z, expected, d, rate, a = jnp.split(new, np.cumsum([2 * r, m, m, m]))
+        e, joints, memory = self._forces(d, rate, a, at, expected)
+        g = jnp.concatenate([expected + e, at.g[: 2 * m], e])
+        return _State(z, g, d, joints, memory, at.seen)
 
-    def _seen(self, at: _State) -> Array:
-        modal = self.modal
-        if self.quantity == "displacement":
-            return modal.Y @ at.q
-        if self.quantity == "velocity":
-            return modal.Y @ at.v
-        p = modal.W @ at.f + modal.P.T @ at.g - self.places.T @ at.extra
-        return modal.Y @ self._acceleration(at.q, at.v, p)
+    def _forces(
+        self, d: Array, v: Array, a: Array, at: _State, expected: Array
+    ) -> tuple[Array, tuple[Any, ...], Array]:
+        """Pseudo-forces less the expected ones, and what joints and suspects remember."""
+        predictor, n = self.by, self.by.joints.shape[0]
+        reaction = self.elements.step(d[:n], v[:n], predictor.dt, at.joints)
+        off = predictor.stiffness * d[:n] - reaction.force - expected[:n]
+        slope = (predictor.stiffness - reaction.stiffness)[:, None] * self.compliance[:n, :n]
+        slope = slope - reaction.damping[:, None] * self.mobility[:n, :n]
+        J = jnp.eye(n) - slope
+        e = jnp.stack(solve_general([[J[i, j] for j in range(n)] for i in range(n)], list(off)))
+        motion = Motion(d[n:], v[n:], a, d[n:] - at.d[n:], predictor.dt)
+        total, inertia, memory = jnp.zeros_like(self.size), jnp.zeros_like(self.size), []
+        for i, kind in enumerate(predictor.kinds):
+            unit, kept = kind.unit_force(motion, self.shape, at.memory[:, i])
+            total = total + self.size * self.suspects.force[:, i] * unit
+            if kind.inertial:
+                own = jnp.diagonal(self.inertance[:, n:])
+                inertia = inertia + self.size * self.suspects.force[:, i] * own
+            memory.append(kept)
+        # The acceleration holds the expected force already, which an inertia acts back on.
+        late = (-total - expected[n:]) / (1.0 + inertia)
+        return jnp.concatenate([e, late]), reaction.state, jnp.stack(memory, axis=1)
+
+    def seen(self, at: _State, push: Array) -> Array:
+        """What faultless sensors show."""
+        predictor, r, m = self.by, self.by.kept, self.mobility.shape[0]
+        forces = jnp.concatenate([at.g[:m], at.g[3 * m :]])
+        shown = _times(self.observe, jnp.concatenate([at.z, forces]))
+        if predictor.quantity == "acceleration":
+            shown = shown + _times(predictor.sensors, push[2 * r : 3 * r])
+        return shown[None]
+
+    def chained(self, seen: Array) -> Array:
+        """What the sensors show, from the last samples of what faultless ones would."""
+        shown = jnp.sum(self.sensed_by * seen, axis=0)
+        return jnp.clip(shown, -self.largest, self.largest)
+
+
+def _chain(suspects: Suspects, size: Array, shape: Array) -> tuple[Array, Array]:
+    """Weights of the last samples in what each sensor shows, and the largest that it can."""
+    gain, delay = (jnp.sum(size[:, None] * suspects.chain[:, i], axis=0) for i in range(2))
+    late = jnp.clip(delay, 0.0, LONGEST_DELAY)
+    nodes = range(_DELAY_NODES)
+    others = np.array([[j for j in nodes if j != i] for i in nodes])
+    apart = np.arange(_DELAY_NODES)[:, None] - others
+    weight = jnp.prod((late[:, None, None] - others) / apart, axis=-1)
+    largest = jnp.sum(shape[:, None] * suspects.chain[:, 2], axis=0)
+    return (1.0 + gain) * weight.T, jnp.where(largest > 0, largest, jnp.inf)
+
+
+def _times(matrix: Array, x: Array) -> Array:
+    """A matrix on a vector; a small one as a sum, which fuses, where XLA's products do not."""
+    if matrix.size > _SMALL:
+        return matrix @ x
+    return jnp.sum(matrix * x, axis=-1)
 
 
 def predictor(
     structure: JointedStructure,
-    places: Array,
     inputs: Array,
     sensors: Array,
     sampling_rate: float,
     quantity: Quantity,
-    kinds: tuple[Kind, ...],
+    kinds: tuple[ForceKind, ...],
     substeps: int,
-) -> Predictor:
-    """The predictor of a structure.
+) -> tuple[Predictor, ModalCoordinates]:
+    """The predictor of a structure, and the modes it is in.
 
     Parameters
     ----------
     structure : JointedStructure
         With its joints at their starting values.
-    places, inputs, sensors : (rows, n) array
-        Where forces may be missing, forces act, and sensors are.
+    inputs, sensors : (rows, n) array
+        Where forces act, and sensors are.
     sampling_rate : float
         Hz.
     quantity : {"acceleration", "velocity", "displacement"}
         What the sensors measure.
-    kinds : tuple of Kind
+    kinds : tuple of ForceKind
         What may be missing.
     substeps : int
         Steps between samples.
     """
     modal = modal_coordinates(structure, inputs, sensors, None)
-    dt = jnp.asarray(1.0 / (sampling_rate * substeps))
-    by = propagator(modal.omega2, modal.C, dt, "exact")
-    rows = places @ modal.Phi
-    return Predictor(
-        modal,
-        by,
-        rows,
-        by.last(rows.T),
-        dt,
+    omega2, C = np.asarray(modal.omega2), np.asarray(modal.C)
+    kept = max(1, int(np.sum(omega2 < (2.0 * np.pi * _HIGHEST * sampling_rate) ** 2)))
+    part = (slice(kept),) * C.ndim
+    dt = 1.0 / (sampling_rate * substeps)
+    made = Predictor(
+        modal.omega2[:kept],
+        modal.C[part],
+        modal.P,
+        modal.Y[:, :kept],
+        1.0 / modal.omega2[kept:],
+        modal.stiffness,
+        hold(omega2[:kept], C[part], dt),
+        jnp.asarray(dt),
         kinds,
         quantity,
         substeps,
     )
+    return made, modal

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from iwanjax.discrepancy.diagnose import Diagnosis
+from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.plotting.style import DOUBLE_COLUMN, PALETTE, SINGLE_COLUMN, paper_style, set_up
 
 
@@ -50,8 +50,9 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     figure.legend(loc="outside upper center", ncols=3)
     if wide:
         rivals = panels[0, 1]
-        labels = [f"{each.kind.name}\n{each.where}" for each in diagnosis.what]
-        behind = [diagnosis.what[0].log_evidence - each.log_evidence for each in diagnosis.what]
+        shown = diagnosis.what[:10]
+        labels = [f"{each.kind.name}\n{each.where}" for each in shown]
+        behind = [diagnosis.what[0].log_evidence - each.log_evidence for each in shown]
         rows = np.arange(len(labels))[::-1]
         rivals.barh(rows, np.maximum(behind, 0.5), color=PALETTE[0], height=0.6)
         rivals.set_xscale("log")

@@ -57,7 +57,7 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
         rate,
         places=model.rows,
         inputs=np.stack(list(model.inputs.values())),
-        sensors=np.stack([model.sensors[name] for name in sensors]),
+        sensors={name: model.sensors[name] for name in sensors},
         quantity=quantity,
         hypotheses=study.hypotheses,
         noise=[study.noise.get(name, math.nan) for name in sensors],
@@ -137,23 +137,14 @@ def told(study: str, verdict: Diagnosis) -> dict[str, Any]:
                 "probability": each.probability,
                 "log_evidence": each.log_evidence,
                 "parameters": {
-                    each.kind.size.name: {
-                        "value": each.size,
-                        "std": each.size_std,
-                        "unit": each.kind.size.dimension,
+                    p.info.name: {
+                        "value": p.value,
+                        "std": p.std if math.isfinite(p.std) else None,
+                        "unit": p.info.dimension,
                     }
-                }
-                | (
-                    {}
-                    if each.kind.shape is None
-                    else {
-                        each.kind.shape.name: {
-                            "value": each.shape,
-                            "std": None,
-                            "unit": each.kind.shape.dimension,
-                        }
-                    }
-                ),
+                    for p in each.parameters
+                },
+                "joint_with": list(each.joint_with),
             }
             for each in verdict.what
         ],
@@ -172,6 +163,7 @@ def told(study: str, verdict: Diagnosis) -> dict[str, Any]:
             "noise_floor": pair(verdict.noise_floor),
         },
         "indistinguishable": [list(each) for each in verdict.indistinguishable],
+        "warnings": list(verdict.warnings),
         "complete": verdict.complete,
         "seconds": verdict.seconds,
         "statement": verdict.statement(),
@@ -189,20 +181,23 @@ def _report(title: str, verdict: Diagnosis, picture: bytes) -> str:
         "Root mean square of predicted less measured over that of measured, free run.",
     )
     rivals = Table(
-        ("Kind", "Where", "Size", "Deviation", "Probability", "Log evidence"),
+        ("Kind", "Where", "Parameters", "Probability", "Log evidence"),
         tuple(
             (
                 each.kind.name,
                 each.where,
-                f"{each.size:.4g}",
-                f"{each.size_std:.2g}",
+                ", ".join(
+                    f"{p.info.name} {p.value:.4g}"
+                    + (f" ± {p.std:.2g}" if math.isfinite(p.std) else "")
+                    for p in each.parameters
+                ),
                 f"{each.probability:.3f}",
                 f"{each.log_evidence:.1f}",
             )
             for each in verdict.what
         ),
-        "What was tried together with the joints, at a memory of eight cycles.",
-        words=(0, 1),
+        "What was tried together with the joints; evidence less that of the best.",
+        words=(0, 1, 2),
     )
     caption = "Errors of every recording, and how far the rivals are behind."
     tables = (recordings, rivals) if verdict.what else (recordings,)

@@ -10,11 +10,12 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy import Kind, Transient, diagnose, register_kind
+from iwanjax.discrepancy import ForceKind, Transient, diagnose, register_kind
 from iwanjax.joints import ParameterInfo
 
 TRIED = ("stiffness_error", "cubic_stiffness", "gap_contact", "quadratic_damping")
 K3 = 3e10
+SENSORS = {"a1": np.array([1.0, 0.0]), "a2": np.array([0.0, 1.0])}
 
 
 def nothing(u, v):
@@ -51,7 +52,7 @@ def verdict(name):
         chain.RATE,
         places=chain.ROWS,
         inputs=np.eye(2),
-        sensors=np.eye(2),
+        sensors=SENSORS,
         hypotheses=TRIED,
     )
 
@@ -71,7 +72,7 @@ def test_a_concealed_cubic_spring_is_found_where_it_is():
     first = found.what[0]
     assert (first.kind.name, first.where) == ("cubic_stiffness", "m1-ground")
     assert first.probability > 0.9
-    assert first.size == pytest.approx(K3, rel=0.05)
+    assert first.parameters[0].value == pytest.approx(K3, rel=0.05)
     assert found.after.hold_out < 0.25 * found.before.hold_out
     assert found.noise_floor.hold_out < found.after.hold_out
     assert found.probability_nothing_missing < 1e-3
@@ -113,14 +114,14 @@ def test_bad_recordings_get_one_clear_line(case):
             chain.RATE,
             places=chain.ROWS,
             inputs=np.eye(2),
-            sensors=np.eye(2),
+            sensors=SENSORS,
             **options,
         )
     assert "\n" not in str(caught.value)
 
 
 def test_a_kind_of_ones_own_is_taken_once():
-    own = Kind(
+    own = ForceKind(
         "test_only",
         "for this test",
         ParameterInfo("s", "force/length", "size"),
@@ -131,7 +132,7 @@ def test_a_kind_of_ones_own_is_taken_once():
     register_kind(own)
     try:
         with pytest.raises(ij.InputError, match="is taken"):
-            register_kind(Kind("test_only", "", own.size, own.unit_force, ""))
+            register_kind(ForceKind("test_only", "", own.size, own.unit_force, ""))
     finally:
         del ij.discrepancy.CATALOGUE["test_only"]
 

@@ -1,0 +1,338 @@
+"""Hypotheses against one another: from a screening of all to free runs of the last few."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.discrepancy import suspicion
+from iwanjax.discrepancy.catalogue import JointKind, Kind
+from iwanjax.discrepancy.evidence import evidence, shares, values_measured
+from iwanjax.discrepancy.fitting import SHORT, Fitted, Search, Start, fit_all
+from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.screen import Candidate, screen
+from iwanjax.joints import Iwan4
+
+# Memories of the observer, cycles: the first two find, the others polish.
+MIDDLE, LONG = 8.0, (30.0, 120.0, math.inf)
+_STEPS, _POLISH = 12, 15
+# Starts of the joints.
+_STARTS = 4
+# Hypotheses that are refitted with a memory of two, eight and thirty cycles.
+_FIRST, _SECOND, _THIRD = 12, 6, 3
+# Something is missing when the evidence for it exceeds that for nothing by this. The model's
+# own errors, of integration for instance, may be worth this share of the squared residual.
+_LEAST_GAIN, _INDULGENCE = 12.0, 0.06
+# Squared residual over the noise's from which on something else may be missing too, how many
+# times a second suspect has to lessen it, and by how much evidence.
+_MISFIT, _FALL, _SECOND_GAIN = 1.3, 3.0, 15.0
+# Evidence that a screening has to promise before a suspect is refitted.
+_LEAST_PROMISE = 3.0
+# Ratios of kinetic to static friction to begin with.
+_THETAS = (0.7, 0.4)
+# Places where a whole joint is tried, and slips to begin with, of the largest deflection.
+_JOINT_PLACES, _SLIPS = 2, (0.1, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Grounds:
+    """What may be suspected, and how long there is time.
+
+    Attributes
+    ----------
+    kinds : tuple of Kind
+        To be tried.
+    places : tuple of Place
+        Where forces may act.
+    sensors, joints : tuple of str
+        Labels.
+    in_time : function
+        False when it is time to stop.
+    progress : function
+        Told of every stage.
+    """
+
+    kinds: tuple[Kind, ...]
+    places: tuple[Place, ...]
+    sensors: tuple[str, ...]
+    joints: tuple[str, ...]
+    in_time: Callable[[], bool]
+    progress: Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A hypothesis in the competition.
+
+    Attributes
+    ----------
+    search : Search
+        That fits it.
+    fitted : Fitted
+        As far as it got.
+    behind : float
+        Log evidence less that of the best of its last round.
+    """
+
+    search: Search
+    fitted: Fitted
+    behind: float = 0.0
+
+
+class Table(NamedTuple):
+    """How it ended.
+
+    Attributes
+    ----------
+    detected : bool
+        Whether something is missing.
+    nominal : Entry
+        The model with its joints refitted.
+    entries : tuple of Entry
+        Suspects, the best first.
+    """
+
+    detected: bool
+    nominal: Entry
+    entries: tuple[Entry, ...]
+
+    @property
+    def best(self) -> Entry:
+        """The model to go on with."""
+        return self.entries[0] if self.detected else self.nominal
+
+    @property
+    def probability_of_nothing(self) -> float:
+        """Among everything."""
+        return float(shares(self._behind)[0])
+
+    def probability(self, entry: Entry) -> float:
+        """Of one, among everything."""
+        return float(shares(self._behind)[1 + self.entries.index(entry)])
+
+    @property
+    def _behind(self) -> np.ndarray:
+        return np.array([self.nominal.behind, *(entry.behind for entry in self.entries)])
+
+
+def run(search: Search, grounds: Grounds, seed: int) -> Table:
+    """The whole competition."""
+    grounds.progress("refitting the joints")
+    nominal = _nominal(search, grounds, seed)
+    grounds.progress("screening kinds and places")
+    candidates = screen(
+        search, nominal, grounds.kinds, grounds.places, grounds.sensors, grounds.joints
+    )
+    grounds.progress("refitting suspects")
+    entries = _first(search, nominal, candidates, grounds)
+    entries = _again(entries[:_SECOND], entries[_SECOND:], MIDDLE, grounds)
+    # A local minimum of the joints would be a false alarm: the winner's joints may be better.
+    nominal = _renominated(search, nominal, entries, grounds)
+    base = Entry(search, nominal)
+    base, entries = _ranked(base, entries)
+    entries = _doubled(search, base, entries, grounds)
+    base, entries = _ranked(base, entries)
+    detected = bool(entries) and _missing(base, entries[0])
+    grounds.progress("polishing to the free run")
+    count = _THIRD if detected else 0
+    for cycles in LONG:
+        polished = _again([base, *entries[:count]], [], cycles, grounds)
+        base = next(e for e in polished if not e.fitted.hypothesis.kinds)
+        rest = [e for e in polished if e.fitted.hypothesis.kinds]
+        entries = [*rest, *entries[count:]]
+    if detected:
+        base, first = _ranked(base, entries[:count])
+        floor = min((e.behind for e in first), default=0.0)
+        entries = [*first, *(replace(e, behind=min(e.behind, floor)) for e in entries[count:])]
+    return Table(detected, base, tuple(entries))
+
+
+def _nominal(search: Search, grounds: Grounds, seed: int) -> Fitted:
+    """Joints refitted from several starts: a local minimum here would be a false alarm."""
+    random = np.random.default_rng(seed)
+    draws = random.standard_normal((_STARTS - 1, search.parameters))
+    starts = [
+        Start(search.nothing(), np.append(z, [0.0, 0.0]))
+        for z in (np.zeros(search.parameters), *draws)
+    ]
+    for cycles in (SHORT, MIDDLE):
+        found = fit_all(search, starts, cycles, _STEPS, in_time=grounds.in_time)
+        starts = [each.start for each in found]
+    return min(found, key=lambda each: each.cost)
+
+
+def _first(
+    search: Search, nominal: Fitted, candidates: Sequence[Candidate], grounds: Grounds
+) -> list[Entry]:
+    """The best candidates, the rivals at the best place, and joints' faults, refitted."""
+    least = _LEAST_PROMISE / max(evidence(search, [nominal]).worth(nominal), 1e-300)
+    candidates = [c for c in candidates if c.drop > least]
+    chosen = list(candidates[:_FIRST])
+    if candidates:
+        best = candidates[0].start.hypothesis.where[-1]
+        chosen += [c for c in candidates[_FIRST:] if c.start.hypothesis.where[-1] == best]
+        chosen += [c for c in candidates[_FIRST:] if c.start.hypothesis.drifting is not None]
+    starts = list({id(c): c.start for c in chosen}.values())
+    found = fit_all(search, starts, SHORT, _STEPS, in_time=grounds.in_time)
+    entries = [Entry(search, each) for each in found]
+    best = min([nominal, *found], key=lambda each: each.cost)
+    if best.cost > _MISFIT * values_measured(search):
+        entries += _joint_faults(search, nominal, candidates, grounds)
+    return sorted(entries, key=_cost)
+
+
+def _cost(entry: Entry) -> float:
+    return entry.fitted.cost
+
+
+def _joint_faults(
+    search: Search, nominal: Fitted, candidates: Sequence[Candidate], grounds: Grounds
+) -> list[Entry]:
+    """Stiction of every joint, and a joint more where the screening points to."""
+    z = nominal.theta.mean(axis=0)[: search.parameters]
+    found: list[Entry] = []
+    for kind in grounds.kinds:
+        if not isinstance(kind, JointKind) or not grounds.in_time():
+            continue
+        if kind.name == "stiction":
+            for j, label in enumerate(grounds.joints):
+                if type(search.joints[j].given) is not Iwan4:
+                    continue
+                made = [
+                    suspicion.with_stiction(search, kind, j, label, theta, z) for theta in _THETAS
+                ]
+                found += [_best_of(made[:1], grounds)]
+        if kind.name == "iwan_joint":
+            for place in _pointed(candidates, grounds)[:_JOINT_PLACES]:
+                made = [
+                    suspicion.with_joint(
+                        search,
+                        kind,
+                        place,
+                        _stiffness(candidates, place),
+                        slip * place.scales.deflection,
+                        z,
+                    )
+                    for slip in _SLIPS
+                ]
+                found += [_best_of(made, grounds)]
+    return found
+
+
+def _best_of(made: Sequence[tuple[Search, Start]], grounds: Grounds) -> Entry:
+    """The best fit of one hypothesis from several starts, each with a search of its own."""
+    fits = [
+        Entry(own, fit_all(own, [start], SHORT, _STEPS, in_time=grounds.in_time)[0])
+        for own, start in made
+    ]
+    return min(fits, key=_cost)
+
+
+def _pointed(candidates: Sequence[Candidate], grounds: Grounds) -> list[Place]:
+    """Places of forces, the most suspicious first."""
+    by_label = {place.label: place for place in grounds.places}
+    labels = [c.start.hypothesis.where[-1] for c in candidates]
+    return [by_label[label] for label in dict.fromkeys(labels) if label in by_label]
+
+
+def _stiffness(candidates: Sequence[Candidate], place: Place) -> float:
+    """What the screening makes of the stiffness of a slider at a place, else of a spring."""
+    sizes = {
+        c.start.hypothesis.kinds[-1].name: c.start.hypothesis.scales[-1]
+        for c in candidates
+        if c.start.hypothesis.where[-1] == place.label
+    }
+    return next(
+        (sizes[name] for name in ("coulomb_friction", "stiffness_error") if name in sizes), 1.0
+    )
+
+
+def _again(
+    entries: Sequence[Entry],
+    others: Sequence[Entry],
+    cycles: float,
+    grounds: Grounds,
+) -> list[Entry]:
+    """Entries refitted with another memory, those of one search side by side; then the others."""
+    found: list[Entry] = []
+    groups: dict[tuple[int, int], list[Entry]] = {}
+    for entry in entries:
+        key = (id(entry.search), len(entry.fitted.hypothesis.sizes))
+        groups.setdefault(key, []).append(entry)
+    for group in groups.values():
+        starts = [entry.fitted.start for entry in group]
+        fits = fit_all(
+            group[0].search,
+            starts,
+            cycles,
+            _POLISH if cycles > MIDDLE else _STEPS,
+            tolerance=1e-4 if cycles > MIDDLE else 1e-3,
+            in_time=grounds.in_time,
+        )
+        found += [replace(entry, fitted=fit) for entry, fit in zip(group, fits, strict=True)]
+    return [*sorted(found, key=_cost), *others]
+
+
+def _renominated(
+    search: Search, nominal: Fitted, entries: Sequence[Entry], grounds: Grounds
+) -> Fitted:
+    """The nominal model from the joints of the best suspects as well."""
+    p = search.parameters
+    starts = [
+        Start(search.nothing(), np.append(entry.fitted.theta.mean(axis=0)[:p], [0.0, 0.0]))
+        for entry in entries[:_THIRD]
+        if entry.search is search
+    ]
+    found = fit_all(search, starts, MIDDLE, _STEPS, in_time=grounds.in_time)
+    return min([nominal, *found], key=lambda each: each.cost)
+
+
+def _ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
+    """By evidence of fits with the same memory; those with another keep their distance."""
+    if not entries:
+        return base, []
+    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
+    table = evidence(base.search, [base.fitted, *(e.fitted for e in same)])
+    # For nothing the residual counts a little less: what the model's own errors are worth.
+    spared = _INDULGENCE * base.fitted.cost / (2.0 * table.temperature * table.tau)
+    values = np.array(table.values)
+    values[0] += spared
+    behind = values - values.max()
+    ranked = [replace(e, behind=float(b)) for e, b in zip(same, behind[1:], strict=True)]
+    floor = min((e.behind for e in ranked), default=0.0)
+    left = [replace(e, behind=floor - 1.0) for e in entries if e not in same]
+    return replace(base, behind=float(behind[0])), [*sorted(ranked, key=lambda e: -e.behind), *left]
+
+
+def _missing(base: Entry, best: Entry) -> bool:
+    return best.behind - base.behind > _LEAST_GAIN
+
+
+def _doubled(search: Search, base: Entry, entries: list[Entry], grounds: Grounds) -> list[Entry]:
+    """A second suspect beside the first, where the first leaves much and the second takes it."""
+    if not entries or not _missing(base, entries[0]) or not grounds.in_time():
+        return entries
+    first = entries[0]
+    if first.fitted.cost < _MISFIT * values_measured(search) or first.search is not search:
+        return entries
+    if first.fitted.hypothesis.drifting is not None:
+        return entries
+    grounds.progress(f"looking for more beside {first.fitted.hypothesis.label}")
+    candidates = screen(
+        search, first.fitted, grounds.kinds, grounds.places, grounds.sensors, grounds.joints
+    )
+    starts = [c.start for c in candidates[:_SECOND]]
+    pairs = fit_all(search, starts, SHORT, _STEPS, in_time=grounds.in_time)
+    pairs.sort(key=lambda each: each.cost)
+    pairs = fit_all(
+        search, [each.start for each in pairs[:_THIRD]], MIDDLE, _STEPS, in_time=grounds.in_time
+    )
+    if not pairs:
+        return entries
+    best = min(pairs, key=lambda each: each.cost)
+    table = evidence(search, [first.fitted, best])
+    if best.cost * _FALL > first.fitted.cost or table.values[1] - table.values[0] < _SECOND_GAIN:
+        return entries
+    return [Entry(search, best), *entries]

@@ -1,0 +1,78 @@
+"""How much more likely the data are with a suspect than without."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.discrepancy.fitting import Fitted, Search
+
+# No model is trusted to explain its residual better than this share of the noise's variance.
+_LEAST_TEMPERATURE = 0.3
+
+
+class Evidence(NamedTuple):
+    r"""Log evidences :math:`-S/(2T\tau) - \frac{k}{2}\ln(N/\tau)` of fits to the same data.
+
+    Attributes
+    ----------
+    values : (fits,) array
+        Of each.
+    temperature : float
+        Squared residual of the best over the number N of values.
+    tau : float
+        Its correlation time in samples.
+    """
+
+    values: np.ndarray
+    temperature: float
+    tau: float
+
+    def worth(self, fitted: Fitted) -> float:
+        """Evidence that the whole residual of a fit stands for."""
+        return fitted.cost / (2.0 * self.temperature * self.tau)
+
+
+def evidence(search: Search, fits: Sequence[Fitted]) -> Evidence:
+    """Of fits with the same memory, all at the temperature and correlation of the best."""
+    best = min(fits, key=lambda each: each.cost)
+    count = values_measured(search)
+    temperature = max(_LEAST_TEMPERATURE, float(best.misfit.sum()) / count)
+    tau = correlation_time(best.residual)
+    values = [
+        -each.cost / (2.0 * temperature * tau) - 0.5 * unknowns(each) * math.log(count / tau)
+        for each in fits
+    ]
+    return Evidence(np.array(values), temperature, tau)
+
+
+def values_measured(search: Search) -> int:
+    """Number of samples that a residual is taken of."""
+    return int(np.count_nonzero(np.asarray(search.data.weight)))
+
+
+def unknowns(fitted: Fitted) -> int:
+    """Number of values fitted beyond those that have a prior."""
+    own = sum(fitted.hypothesis.sizes) + sum(fitted.hypothesis.shapes)
+    return own + (2 if fitted.hypothesis.drifting is not None else 0)
+
+
+def shares(values: np.ndarray) -> np.ndarray:
+    """Probabilities of log evidences."""
+    weight = np.exp(values - np.max(values))
+    return weight / weight.sum()
+
+
+def correlation_time(residual: np.ndarray) -> float:
+    """Of (recordings, N, sensors) in samples: one plus twice the sum of what is positive."""
+    flat = residual - residual.mean(axis=1, keepdims=True)
+    size = 2 * flat.shape[1]
+    power = np.abs(np.fft.rfft(flat, size, axis=1)) ** 2
+    correlation = np.fft.irfft(power.sum(axis=(0, 2)))[: flat.shape[1] // 4]
+    if correlation[0] <= 0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    negative = np.flatnonzero(correlation <= 0)
+    until = negative[0] if negative.size else correlation.size
+    return float(1.0 + 2.0 * np.sum(correlation[1:until]))

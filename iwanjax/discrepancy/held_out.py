@@ -1,0 +1,131 @@
+"""How well a fitted model predicts recordings from rest, and what noise alone would leave."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.discrepancy.fitting import Fitted, Search, drifting_values, evaluate
+from iwanjax.discrepancy.measured import DIRECTIONS, Prepared
+
+_DRAWS = 8
+
+
+class Free(NamedTuple):
+    """A free run against some recordings.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the recordings.
+    error : (recordings, N, sensors) array
+        Measured less predicted; zero where nothing was measured.
+    measured : (recordings, N, sensors) array
+        As recorded, zero likewise.
+    noise : (recordings,) array
+        Mean square that the sensors' noise and the forces' leave, summed over the samples.
+    """
+
+    names: tuple[str, ...]
+    error: np.ndarray
+    measured: np.ndarray
+    noise: np.ndarray
+
+    @property
+    def relative(self) -> float:
+        """Root mean square of the error over that of what was measured."""
+        return math.sqrt(float(np.sum(self.error**2) / np.sum(self.measured**2)))
+
+    @property
+    def floor(self) -> float:
+        """The same of a perfect model."""
+        return math.sqrt(float(np.sum(self.noise) / np.sum(self.measured**2)))
+
+    def by_recording(self) -> Mapping[str, float]:
+        """Relative errors, one for each recording."""
+        square, whole = (np.sum(x**2, axis=(1, 2)) for x in (self.error, self.measured))
+        return dict(zip(self.names, np.sqrt(square / whole).tolist(), strict=True))
+
+
+def free_run(
+    search: Search,
+    fitted: Fitted,
+    batches: Sequence[tuple[Prepared, Sequence[int]]],
+    order: Sequence[int],
+    floor: bool,
+    seed: int,
+) -> Free:
+    """A fitted model against recordings, integrated from rest under the measured forces.
+
+    Parameters
+    ----------
+    search : Search
+        That the model was fitted with.
+    fitted : Fitted
+        The model.
+    batches : sequence of (Prepared, places)
+        Recordings, as many to a batch as were fitted, with their places in the study, by which
+        a joint's drift is told.
+    order : sequence of int
+        Places of the recordings that were fitted.
+    floor : bool
+        Whether the forces' noise is carried through; else only the sensors' counts.
+    seed : int
+        Of the draws.
+    """
+    parts = [_free(search, fitted, each, places, order, floor, seed) for each, places in batches]
+    return Free(
+        tuple(name for part in parts for name in part.names),
+        np.concatenate([part.error for part in parts]),
+        np.concatenate([part.measured for part in parts]),
+        np.concatenate([part.noise for part in parts]),
+    )
+
+
+def _free(
+    search: Search,
+    fitted: Fitted,
+    those: Prepared,
+    places: Sequence[int],
+    order: Sequence[int],
+    floor: bool,
+    seed: int,
+) -> Free:
+    here = replace(search, data=those.data)
+    count = len(those.names)
+    theta = _expected(search, fitted, places, order)
+    R = search.recordings
+    rows = np.stack([theta[min(i, count - 1)] for i in range(R)])
+    weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
+    safe = np.where(weight > 0, weight, np.inf)
+    e = evaluate(here, [(fitted.hypothesis, rows)], math.inf)[0].residual[:count] / safe
+    own = np.sum(np.where(weight > 0, those.noise[:, None, :] ** 2, 0.0), axis=(1, 2))
+    if floor:
+        random = np.random.default_rng(seed)
+        kicked = [np.hstack([rows, random.standard_normal((R, DIRECTIONS))]) for _ in range(_DRAWS)]
+        still = np.hstack([rows, np.zeros((R, DIRECTIONS))])
+        found = evaluate(here, [(fitted.hypothesis, t) for t in (still, *kicked)], math.inf)
+        base = found[0].residual[:count]
+        for each in found[1:]:
+            moved = (each.residual[:count] - base) / safe
+            own = own + np.sum(moved**2, axis=(1, 2)) / _DRAWS
+    return Free(those.names, e, np.where(weight > 0, y, 0.0), own)
+
+
+def _expected(
+    search: Search, fitted: Fitted, places: Sequence[int], order: Sequence[int]
+) -> np.ndarray:
+    """Values for recordings at these places in the study: what drifts goes on in line."""
+    theta = fitted.theta[:, : fitted.values]
+    rows = np.tile(theta.mean(axis=0), (len(places), 1))
+    if fitted.hypothesis.drifting is None:
+        return rows
+    for value in drifting_values(search, fitted.hypothesis.drifting):
+        if all(place in order for place in places):
+            rows[:, value] = [theta[list(order).index(place), value] for place in places]
+        else:
+            slope, level = np.polyfit(np.asarray(order, float), theta[:, value], 1)
+            rows[:, value] = level + slope * np.asarray(places, float)
+    return rows

@@ -1,0 +1,234 @@
+"""Hypotheses of one suspect each, as the search takes them."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.discrepancy.catalogue import ForceKind, JointKind, SensorKind
+from iwanjax.discrepancy.fitting import (
+    Fitted,
+    Hypothesis,
+    Search,
+    Start,
+    drifting_values,
+    free_values,
+)
+from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.sensitivity import Joint, joints_at
+from iwanjax.joints import Iwan4, Iwan5, ParameterInfo
+
+_CHAIN = ("gain", "delay", "limit")
+# Prior deviations of theta and of a whole joint, as multiples of a given joint's.
+_LOOSE_THETA, _LOOSE_JOINT = 3.0, (4.0, 8.0, 1.5, 2.0)
+# What a prior deviation is worth in a drift.
+_PRIOR = {"F_S_change": 0.5, "K_T_change": 0.1}
+
+
+class Estimate(NamedTuple):
+    """A parameter's value, and its deviation; NaN where it was not fitted."""
+
+    info: ParameterInfo
+    value: float
+    std: float
+
+
+def force(
+    search: Search, kind: ForceKind, place: Place, z: np.ndarray, size: float, shape: float
+) -> Start:
+    """A force of some size and shape at a place, the joints at z."""
+    suspects = search.empty()
+    scale = max(abs(size), 1e-300)
+    one = np.zeros(suspects.force.shape)
+    one[0, search.predictor.kinds.index(kind)] = scale
+    suspects = suspects._replace(
+        row=jnp.asarray(place.row[None]),
+        force=jnp.asarray(one),
+        logarithmic=jnp.asarray([float(kind.positive)]),
+    )
+    hypothesis = Hypothesis(
+        (kind,), (place.label,), suspects, (True,), (kind.shape is not None,), None, (scale,)
+    )
+    begin = 0.0 if kind.positive else math.copysign(1.0, size)
+    return Start(hypothesis, np.concatenate([z, [begin, math.log(shape)]]))
+
+
+def sensor(
+    search: Search, kind: SensorKind, which: int, label: str, z: np.ndarray, size: float
+) -> Start:
+    """A fault of a sensor: error of its gain, its delay in samples or its limit."""
+    suspects = search.empty()
+    one = np.zeros(suspects.chain.shape)
+    one[0, _CHAIN.index(kind.acts), which] = 1.0
+    limit = kind.acts == "limit"
+    positive = kind.positive and kind.fixed is None
+    suspects = suspects._replace(chain=jnp.asarray(one), logarithmic=jnp.asarray([float(positive)]))
+    dt = float(search.predictor.dt) * search.predictor.substeps
+    hypothesis = Hypothesis(
+        (kind,),
+        (label,),
+        suspects,
+        (kind.fixed is None and not limit,),
+        (limit,),
+        None,
+        (dt if kind.acts == "delay" else 1.0,),
+    )
+    if kind.fixed is not None:
+        begin = kind.fixed
+    else:
+        begin = math.log(max(size, 1e-6)) if positive else size
+    values = [0.0, math.log(size)] if limit else [begin, 0.0]
+    return Start(hypothesis, np.concatenate([z, values]))
+
+
+def drift(search: Search, kind: JointKind, joint: int, label: str, z: np.ndarray) -> Start:
+    """A joint whose strength changes from recording to recording."""
+    hypothesis = replace(search.nothing(), kinds=(kind,), where=(label,), drifting=joint)
+    return Start(hypothesis, np.concatenate([z, [0.0, 0.0]]))
+
+
+def resized(start: Start, share: float) -> Start:
+    """The same with its sizes at a share."""
+    theta = start.common.copy()
+    slots = len(start.hypothesis.sizes)
+    first = len(theta) - 2 * slots
+    for slot, free in enumerate(start.hypothesis.sizes):
+        if free:
+            logarithmic = bool(start.hypothesis.suspects.logarithmic[slot] > 0)
+            at = first + 2 * slot
+            theta[at] = theta[at] + math.log(share) if logarithmic else theta[at] * share
+    return Start(start.hypothesis, theta)
+
+
+def joined(search: Search, starts: Sequence[Start]) -> Start:
+    """Several suspects at once, each in slots of its own, the joints as in the first."""
+    first, p = starts[0], search.parameters
+    hypotheses = [start.hypothesis for start in starts]
+    drifting = [h.drifting for h in hypotheses if h.drifting is not None]
+    suspects = type(hypotheses[0].suspects)(
+        *(jnp.concatenate(parts) for parts in zip(*(h.suspects for h in hypotheses), strict=True))
+    )
+    return Start(
+        Hypothesis(
+            tuple(kind for h in hypotheses for kind in h.kinds),
+            tuple(where for h in hypotheses for where in h.where),
+            suspects,
+            tuple(x for h in hypotheses for x in h.sizes),
+            tuple(x for h in hypotheses for x in h.shapes),
+            drifting[0] if drifting else None,
+            tuple(x for h in hypotheses for x in h.scales),
+        ),
+        np.concatenate([first.common[:p], *(start.common[p:] for start in starts)]),
+    )
+
+
+def with_stiction(
+    search: Search, kind: JointKind, joint: int, label: str, theta: float, z: np.ndarray
+) -> tuple[Search, Start]:
+    """A joint whose kinetic friction is theta of the static one, and the search it takes.
+
+    The joint comes first, so that one compiled kernel serves all of them.
+    """
+    order = [joint, *(i for i in range(len(search.joints)) if i != joint)]
+    given = search.joints[joint].given
+    values = {info.name: getattr(given, info.name) for info in given.parameters}
+    stuck = Joint(Iwan5(**values, theta=theta), jnp.array([*np.ones(len(values)), _LOOSE_THETA]))
+    joints = (stuck, *(search.joints[i] for i in order[1:]))
+    at = jnp.asarray(order)
+    predictor = eqx.tree_at(
+        lambda p: (p.joints, p.stiffness),
+        search.predictor,
+        (search.predictor.joints[at], search.predictor.stiffness[at]),
+    )
+    other = replace(search, predictor=predictor, joints=joints, _process={})
+    ends = np.cumsum([len(each.given.parameters) for each in search.joints])
+    parts = [part.copy() for part in np.split(z, ends[:-1])]
+    # As much force in macroslip as before.
+    parts[joint][0] += -math.log(theta) / 0.5
+    moved = np.concatenate([parts[joint], [0.0], *(parts[i] for i in order[1:])])
+    hypothesis = replace(other.nothing(), kinds=(kind,), where=(label,))
+    return other, Start(hypothesis, np.concatenate([moved, [0.0, 0.0]]))
+
+
+def with_joint(
+    search: Search, kind: JointKind, place: Place, stiffness: float, slip: float, z: np.ndarray
+) -> tuple[Search, Start]:
+    """One Iwan element more at a place, and the search it takes."""
+    more = Iwan4(F_S=stiffness * slip, K_T=stiffness, chi=-0.5, beta=1.0)
+    joints = (*search.joints, Joint(more, jnp.asarray(_LOOSE_JOINT)))
+    predictor = eqx.tree_at(
+        lambda p: (p.joints, p.stiffness),
+        search.predictor,
+        (
+            jnp.concatenate([search.predictor.joints, jnp.asarray(place.row)[None]]),
+            jnp.append(search.predictor.stiffness, 0.0),
+        ),
+    )
+    other = replace(search, predictor=predictor, joints=joints, _process={})
+    hypothesis = replace(other.nothing(), kinds=(kind,), where=(place.label,))
+    return other, Start(hypothesis, np.concatenate([z, np.zeros(4), [0.0, 0.0]]))
+
+
+def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]:
+    """Physical parameters of a suspect with deviations, as the residual's own size has them."""
+    hypothesis, kind = fitted.hypothesis, fitted.hypothesis.kinds[slot]
+    covariance = np.linalg.pinv(fitted.normal)
+    own = free_values(search, hypothesis)
+    theta = fitted.theta.mean(axis=0)
+    first = search.parameters + 2 * slot
+
+    def deviation(value: int) -> float:
+        if value not in own:
+            return math.nan
+        return math.sqrt(max(float(covariance[own.index(value), own.index(value)]), 0.0))
+
+    if isinstance(kind, JointKind):
+        return _of_joint(search, fitted, kind, deviation)
+    size, scale = theta[first], hypothesis.scales[slot]
+    logarithmic = bool(hypothesis.suspects.logarithmic[slot] > 0)
+    value = scale * (math.exp(min(size, 700.0)) if logarithmic else size)
+    spread = abs(value) if logarithmic else scale
+    shape = math.exp(min(theta[first + 1], 700.0))
+    of_shape = shape * deviation(first + 1)
+    if isinstance(kind, SensorKind) and kind.acts == "limit":
+        return (Estimate(kind.size, shape, of_shape),)
+    found = (Estimate(kind.size, float(value), spread * deviation(first)),)
+    if isinstance(kind, ForceKind) and kind.shape is not None:
+        found += (Estimate(kind.shape, shape, of_shape),)
+    return found
+
+
+def _of_joint(
+    search: Search, fitted: Fitted, kind: JointKind, deviation: Callable[[int], float]
+) -> tuple[Estimate, ...]:
+    theta = fitted.theta.mean(axis=0)
+    if kind.name == "joint_drift":
+        assert fitted.hypothesis.drifting is not None
+        rows = drifting_values(search, fitted.hypothesis.drifting)
+        index = np.arange(len(fitted.theta)) - 0.5 * (len(fitted.theta) - 1)
+        return tuple(
+            Estimate(
+                info,
+                float(index @ (_PRIOR[info.name] * fitted.theta[:, row]) / (index @ index)),
+                math.nan,
+            )
+            for info, row in zip(kind.parameters, rows, strict=True)
+        )
+    stuck = kind.name == "stiction"
+    places = [4] if stuck else list(range(search.parameters - 4, search.parameters))
+    joints = joints_at(search.joints, jnp.asarray(theta[: search.parameters]))
+    joint = joints[0 if stuck else -1]
+    step = 1e-4
+    found = []
+    for info, place in zip(kind.parameters, places, strict=True):
+        moved = theta[: search.parameters].copy()
+        moved[place] += step
+        other = joints_at(search.joints, jnp.asarray(moved))[0 if stuck else -1]
+        value = float(getattr(joint, info.name))
+        slope = (float(getattr(other, info.name)) - value) / step
+        found.append(Estimate(info, value, abs(slope) * deviation(place)))
+    return tuple(found)

@@ -1,0 +1,146 @@
+"""What a diagnosis says."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from iwanjax.discrepancy.catalogue import Kind
+from iwanjax.discrepancy.suspicion import Estimate
+
+
+class Suspect(NamedTuple):
+    """What may be missing: one row of a verdict.
+
+    Attributes
+    ----------
+    kind : Kind
+        Of the catalogue.
+    where : str
+        Label of the place, sensor or joint.
+    probability : float
+        Among all that were tried, and nothing.
+    log_evidence : float
+        Of the data with it, less that of the best.
+    parameters : tuple of Estimate
+        Its size, and its shape where it has one.
+    joint_with : tuple of str
+        Labels kind@where of what acts together with it.
+    """
+
+    kind: Kind
+    where: str
+    probability: float
+    log_evidence: float
+    parameters: tuple[Estimate, ...]
+    joint_with: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """kind@where."""
+        return f"{self.kind.name}@{self.where}"
+
+
+class Errors(NamedTuple):
+    """Root mean square of predicted less measured over that of measured; NaN without data."""
+
+    fit: float
+    hold_out: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Result of :func:`iwanjax.diagnose`.
+
+    Attributes
+    ----------
+    detected : bool
+        Whether something is missing.
+    probability_nothing_missing : float
+        By evidence.
+    what : tuple of Suspect
+        By probability; the first is the verdict. Empty when nothing is missing.
+    before, after, noise_floor : Errors
+        Free-run errors of the model with its joints refitted, with what was found added, and
+        what sensor and force noise alone leave.
+    indistinguishable : tuple of (str, str)
+        Pairs kind@where that these data cannot tell apart.
+    by_recording : dict of str to (float, float)
+        Errors before and after for each recording.
+    warnings : tuple of str
+        What is odd about the study or the verdict.
+    complete : bool
+        Whether the budget of time sufficed.
+    seconds : float
+        What it took.
+    """
+
+    detected: bool
+    probability_nothing_missing: float
+    what: tuple[Suspect, ...]
+    before: Errors
+    after: Errors
+    noise_floor: Errors
+    indistinguishable: tuple[tuple[str, str], ...]
+    by_recording: Mapping[str, tuple[float, float]] = field(repr=False)
+    warnings: tuple[str, ...]
+    complete: bool
+    seconds: float
+
+    @property
+    def found(self) -> tuple[Suspect, ...]:
+        """What is missing: the first suspect and those that act together with it."""
+        if not self.what:
+            return ()
+        first = self.what[0]
+        return (first, *(each for each in self.what[1:] if each.label in first.joint_with))
+
+    def statement(self) -> str:
+        """The verdict in plain sentences."""
+        told = [*(self._missing() if self.detected else self._nothing()), *self.warnings]
+        if not self.complete:
+            told.append("The time given was too short to finish; this is so far.")
+        return " ".join(line if line.endswith(".") else f"{line}." for line in told)
+
+    def _nothing(self) -> list[str]:
+        held = self.before.hold_out == self.before.hold_out
+        error, floor = ((x.hold_out if held else x.fit) for x in (self.before, self.noise_floor))
+        which = "held-out" if held else "fitted"
+        return [
+            f"Nothing is missing that these recordings show: with its joints refitted the model "
+            f"predicts the {which} ones within {error:.2g} of their root mean square "
+            f"(probability {self.probability_nothing_missing:.2f}).",
+            f"Noise alone would leave {floor:.2g}.",
+        ]
+
+    def _missing(self) -> list[str]:
+        told = []
+        for each in self.found:
+            sizes = ", ".join(
+                f"{p.info.name} = {p.value:.4g}" + (f" ± {p.std:.2g}" if p.std == p.std else "")
+                for p in each.parameters
+            )
+            told.append(
+                f"The model lacks {each.kind.usual} at {each.where} ({each.kind.name}"
+                f"{', ' * bool(sizes)}{sizes}; probability {each.probability:.2f}): its sign is "
+                f"{each.kind.signs}."
+            )
+        if self.before.hold_out == self.before.hold_out:
+            told.append(
+                f"Held-out error falls from {self.before.hold_out:.2g} to "
+                f"{self.after.hold_out:.2g}; the noise floor is {self.noise_floor.hold_out:.2g}."
+            )
+        rivals = [b if a == self.what[0].label else a for a, b in self.indistinguishable]
+        if rivals:
+            told.append(f"These data cannot tell it from {', '.join(rivals)}.")
+        return told
+
+
+def alike(what: Sequence[Suspect], margin: float) -> tuple[tuple[str, str], ...]:
+    """The first suspect with each whose evidence is as good within a margin."""
+    return tuple(
+        (what[0].label, other.label)
+        for other in what[1:]
+        if other.log_evidence > what[0].log_evidence - margin
+        and other.label not in what[0].joint_with
+        and other.label != what[0].label
+    )
