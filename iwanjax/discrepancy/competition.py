@@ -10,13 +10,14 @@ import numpy as np
 from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import JointKind, Kind
 from iwanjax.discrepancy.evidence import evidence, shares, values_measured
-from iwanjax.discrepancy.fitting import SHORT, Fitted, Search, Start, fit_all
+from iwanjax.discrepancy.fitting import SHORT, Fitted, Search, Start, evaluate, fit_all
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.screen import Candidate, screen
+from iwanjax.discrepancy.verdict import Score
 from iwanjax.joints import Iwan4
 
 # Memories of the observer, cycles: the first two find, the others polish.
-MIDDLE, LONG = 8.0, (30.0, 120.0, math.inf)
+MIDDLE, LONG = 8.0, (40.0, math.inf)
 _STEPS, _POLISH = 12, 15
 # Starts of the joints.
 _STARTS = 4
@@ -28,6 +29,13 @@ _LEAST_GAIN, _INDULGENCE = 12.0, 0.06
 # Squared residual over the noise's from which on something else may be missing too, how many
 # times a second suspect has to lessen it, and by how much evidence.
 _MISFIT, _FALL, _SECOND_GAIN = 1.3, 3.0, 15.0
+# Times the best one's squared residual that a rival may leave and still be polished.
+_CLOSE = 10.0
+# Squared residual over the noise's from which on the joints as given are looked from as well.
+_FAR = 3.0
+# Share of the best one's drop from which on a suspect is worth a refit; costs that are the same;
+# and times the best cost from which on a search is given up.
+_HOPELESS, _SAME, _RACE = 0.15, 1.02, 10.0
 # Evidence that a screening has to promise before a suspect is refitted.
 _LEAST_PROMISE = 3.0
 # Ratios of kinetic to static friction to begin with.
@@ -92,11 +100,14 @@ class Table(NamedTuple):
         The model with its joints refitted.
     entries : tuple of Entry
         Suspects, the best first.
+    scores : tuple of Score
+        Of the screening.
     """
 
     detected: bool
     nominal: Entry
     entries: tuple[Entry, ...]
+    scores: tuple[Score, ...]
 
     @property
     def best(self) -> Entry:
@@ -122,11 +133,14 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     grounds.progress("refitting the joints")
     nominal = _nominal(search, grounds, seed)
     grounds.progress("screening kinds and places")
-    candidates = screen(
-        search, nominal, grounds.kinds, grounds.places, grounds.sensors, grounds.joints
-    )
+    candidates = _screened(search, nominal, grounds)
+    screened = [candidates]
+    if nominal.cost > _FAR * values_measured(search):
+        # Joints that were bent to explain something else are a bad place to look from.
+        given = Start(search.nothing(), np.zeros(search.parameters + 2))
+        screened.append(_screened(search, fit_all(search, [given], SHORT, 0)[0], grounds))
     grounds.progress("refitting suspects")
-    entries = _first(search, nominal, candidates, grounds)
+    entries = _first(search, nominal, screened, grounds)
     entries = _again(entries[:_SECOND], entries[_SECOND:], MIDDLE, grounds)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     nominal = _renominated(search, nominal, entries, grounds)
@@ -136,7 +150,9 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     base, entries = _ranked(base, entries)
     detected = bool(entries) and _missing(base, entries[0])
     grounds.progress("polishing to the free run")
-    count = _THIRD if detected else 0
+    # Rivals that are far behind stay where they are.
+    close = [e for e in entries[:_THIRD] if e.fitted.cost < _CLOSE * entries[0].fitted.cost]
+    count = len(close) if detected else 0
     for cycles in LONG:
         polished = _again([base, *entries[:count]], [], cycles, grounds)
         base = next(e for e in polished if not e.fitted.hypothesis.kinds)
@@ -144,9 +160,19 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         entries = [*rest, *entries[count:]]
     if detected:
         base, first = _ranked(base, entries[:count])
+        # What a longer memory does not bear out was an error of the model's own.
+        detected = _missing(base, first[0])
         floor = min((e.behind for e in first), default=0.0)
         entries = [*first, *(replace(e, behind=min(e.behind, floor)) for e in entries[count:])]
-    return Table(detected, base, tuple(entries))
+    scores = tuple(
+        Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
+        for c in candidates
+    )
+    return Table(detected, base, tuple(entries), scores)
+
+
+def _screened(search: Search, base: Fitted, grounds: Grounds) -> list[Candidate]:
+    return screen(search, base, grounds.kinds, grounds.places, grounds.sensors, grounds.joints)
 
 
 def _nominal(search: Search, grounds: Grounds, seed: int) -> Fitted:
@@ -157,30 +183,51 @@ def _nominal(search: Search, grounds: Grounds, seed: int) -> Fitted:
         Start(search.nothing(), np.append(z, [0.0, 0.0]))
         for z in (np.zeros(search.parameters), *draws)
     ]
-    for cycles in (SHORT, MIDDLE):
-        found = fit_all(search, starts, cycles, _STEPS, in_time=grounds.in_time)
-        starts = [each.start for each in found]
+    found = fit_all(search, starts, SHORT, _STEPS, race=_RACE, in_time=grounds.in_time)
+    found.sort(key=lambda each: each.cost)
+    # Those that came to the same end are one.
+    other = [each for each in found[1:] if each.cost > _SAME * found[0].cost]
+    starts = [each.start for each in (found[0], *other[:1])]
+    found = fit_all(search, starts, MIDDLE, _STEPS, race=_RACE, in_time=grounds.in_time)
     return min(found, key=lambda each: each.cost)
 
 
 def _first(
-    search: Search, nominal: Fitted, candidates: Sequence[Candidate], grounds: Grounds
+    search: Search, nominal: Fitted, screened: Sequence[Sequence[Candidate]], grounds: Grounds
 ) -> list[Entry]:
     """The best candidates, the rivals at the best place, and joints' faults, refitted."""
     least = _LEAST_PROMISE / max(evidence(search, [nominal]).worth(nominal), 1e-300)
-    candidates = [c for c in candidates if c.drop > least]
-    chosen = list(candidates[:_FIRST])
-    if candidates:
-        best = candidates[0].start.hypothesis.where[-1]
-        chosen += [c for c in candidates[_FIRST:] if c.start.hypothesis.where[-1] == best]
-        chosen += [c for c in candidates[_FIRST:] if c.start.hypothesis.drifting is not None]
-    starts = list({id(c): c.start for c in chosen}.values())
-    found = fit_all(search, starts, SHORT, _STEPS, in_time=grounds.in_time)
+    promising = [[c for c in each if c.drop > least] for each in screened]
+    chosen: dict[tuple[str, ...], list[Start]] = {}
+    for candidates in promising:
+        best = candidates[0].start.hypothesis.where[-1] if candidates else ""
+        for rank, c in enumerate(candidates):
+            hypothesis = c.start.hypothesis
+            rival = hypothesis.where[-1] == best or hypothesis.drifting is not None
+            if c.drop > _HOPELESS * candidates[0].drop and (rank < _FIRST or rival):
+                chosen.setdefault(hypothesis.variant, []).append(c.start)
+    found = fit_all(
+        search,
+        _begun(search, list(chosen.values())),
+        SHORT,
+        _STEPS,
+        race=_RACE,
+        in_time=grounds.in_time,
+    )
     entries = [Entry(search, each) for each in found]
     best = min([nominal, *found], key=lambda each: each.cost)
     if best.cost > _MISFIT * values_measured(search):
-        entries += _joint_faults(search, nominal, candidates, grounds)
+        entries += _joint_faults(search, nominal, promising[-1], grounds)
     return sorted(entries, key=_cost)
+
+
+def _begun(search: Search, choices: Sequence[Sequence[Start]]) -> list[Start]:
+    """For each hypothesis the best of its starts."""
+    lanes = [(s.hypothesis, search.still(s.common)) for starts in choices for s in starts]
+    if len(lanes) == len(choices):
+        return [starts[0] for starts in choices]
+    costs = iter([float(seen.misfit.sum()) for seen in evaluate(search, lanes, SHORT)])
+    return [min(starts, key=lambda _: next(costs)) for starts in choices]
 
 
 def _cost(entry: Entry) -> float:
@@ -203,7 +250,7 @@ def _joint_faults(
                 made = [
                     suspicion.with_stiction(search, kind, j, label, theta, z) for theta in _THETAS
                 ]
-                found += [_best_of(made[:1], grounds)]
+                found += [_best_of(made, grounds)]
         if kind.name == "iwan_joint":
             for place in _pointed(candidates, grounds)[:_JOINT_PLACES]:
                 made = [
@@ -320,9 +367,7 @@ def _doubled(search: Search, base: Entry, entries: list[Entry], grounds: Grounds
     if first.fitted.hypothesis.drifting is not None:
         return entries
     grounds.progress(f"looking for more beside {first.fitted.hypothesis.label}")
-    candidates = screen(
-        search, first.fitted, grounds.kinds, grounds.places, grounds.sensors, grounds.joints
-    )
+    candidates = _screened(search, first.fitted, grounds)
     starts = [c.start for c in candidates[:_SECOND]]
     pairs = fit_all(search, starts, SHORT, _STEPS, in_time=grounds.in_time)
     pairs.sort(key=lambda each: each.cost)

@@ -14,8 +14,10 @@ from iwanjax.discrepancy.competition import Entry, Grounds
 from iwanjax.discrepancy.fitting import Search
 from iwanjax.discrepancy.held_out import Free, free_run
 from iwanjax.discrepancy.measured import Prepared, Transient, prepared
+from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
+from iwanjax.discrepancy.restoring import restoring_force
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspicion import estimates
 from iwanjax.discrepancy.verdict import Diagnosis, Errors, Suspect, alike
@@ -117,9 +119,10 @@ def diagnose(
     search = Search(made, joints, seen.data, np.median(seen.noise, axis=0))
     shapes = np.asarray(modal.Phi)
     moving = {name: row @ shapes for name, row in rows.items() if np.any(row @ shapes)}
+    states = followed(search)
     grounds = Grounds(
         kinds,
-        places_of(search, followed(search), moving),
+        places_of(search, states, moving),
         tuple(sensors),
         tuple(structure.labels),
         lambda: time.perf_counter() - started < budget,
@@ -130,6 +133,15 @@ def diagnose(
     before = sides.free(table.nominal, seed, floor=False)
     after = sides.free(table.best, seed, floor=True)
     what = _suspects(table) if table.detected else []
+    differing: tuple[Observable, ...] = ()
+    restoring = None
+    if table.detected and grounds.in_time():
+        progress("recovering the force and the modes' differences")
+        differing = observables(search, _joined(before), sampling_rate)
+        own = [entry for entry in table.entries if entry.search is search]
+        if own and own[0] is table.best:
+            others = [entry.fitted for entry in own[1:]]
+            restoring = restoring_force(search, states, own[0].fitted, 0, others)
     warnings = [*seen.warnings, *sides.warnings()]
     if table.detected and not _better(before, after):
         warnings.append(
@@ -143,7 +155,11 @@ def diagnose(
         after=Errors(*(_relative(x) for x in after)),
         noise_floor=Errors(*(x.floor if x else math.nan for x in after)),
         indistinguishable=alike(what, _ALIKE) if what else (),
-        by_recording=_each(before, after),
+        observables=differing,
+        scores=table.scores,
+        runs=(_joined(before), _joined(after)),
+        sampling_rate=sampling_rate,
+        restoring=restoring,
         warnings=tuple(warnings),
         complete=grounds.in_time(),
         seconds=time.perf_counter() - started,
@@ -224,15 +240,16 @@ def _better(before: tuple[Free, Free | None], after: tuple[Free, Free | None]) -
     return after[1].relative < before[1].relative
 
 
-def _each(
-    before: tuple[Free, Free | None], after: tuple[Free, Free | None]
-) -> dict[str, tuple[float, float]]:
-    found = {}
-    for one, other in zip(before, after, strict=True):
-        if one is not None and other is not None:
-            a, b = one.by_recording(), other.by_recording()
-            found |= {name: (a[name], b[name]) for name in a}
-    return found
+def _joined(runs: tuple[Free, Free | None]) -> Free:
+    """Fitted and held-out recordings one after the other."""
+    parts = [run for run in runs if run is not None]
+    return Free(
+        tuple(name for part in parts for name in part.names),
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("error", "measured", "noise")
+        ),
+    )
 
 
 def _suspects(table: competition.Table) -> list[Suspect]:

@@ -15,16 +15,20 @@ from iwanjax.discrepancy.catalogue import Kind
 from iwanjax.discrepancy.measured import DIRECTIONS
 from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.prediction import Data, Predictor, Suspects
-from iwanjax.discrepancy.sensitivity import Joint, joints_at, reduced, split
+from iwanjax.discrepancy.sensitivity import Joint, reduced, tangents
 
 SHORT = 2.0
-"""Memory of the observer in cycles within which a pulse's noise is forgotten."""
+"""The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""
 # Hypotheses that a kernel takes at once, and kernels that run at once.
-_LANES, _THREADS = 4, 2
+_LANES, _THREADS = 2, 2
+# Rows of one call for the joints' tangents, and the step of a gain's derivatives.
+_ROWS, _NEAR = 64, 1e-4
 # Prior deviations beyond which no joint is looked for.
 _FARTHEST = 8.0
 # The largest change of a logarithm in one step.
 _LEAP = 2.0
+# Steps before a search may be given up.
+_HEAD_START = 3
 # Steps in a row that gain little before a search ends.
 _PATIENCE = 2
 _DAMPING, _EASED, _RAISED, _MOST_DAMPING = 1e-2, 0.2, 5.0, 1e7
@@ -194,34 +198,104 @@ class Search:
             jnp.zeros(slots),
         )
 
-    def gains(self, suspects: Sequence[Suspects], theta: np.ndarray, cycles: float) -> np.ndarray:
-        """Observers' gains, (lanes, states, sensors), designed for these very parameters."""
+    def still(self, theta: np.ndarray) -> np.ndarray:
+        """The same values for all recordings, or those of each, with no error of the state."""
+        rows = np.broadcast_to(theta, (self.recordings, theta.shape[-1]))
+        return np.hstack([rows, np.zeros((self.recordings, DIRECTIONS))])
+
+    def gains(
+        self, suspects: Sequence[Suspects], theta: np.ndarray, cycles: float, slopes: bool = True
+    ) -> "Gains":
+        """Observers designed for these very parameters, and how they change with them."""
         dt = float(self.predictor.dt) * self.predictor.substeps
+        lanes, values = theta.shape
         if cycles not in self._process:
-            rest = np.zeros(theta.shape[1])
-            A, H = self.linear(self.empty(suspects[0].row.shape[0]), rest)
+            A, H = self.rest()
             self._process[cycles] = process_noise(
                 stepped(A, dt), H / self.noise[:, None], dt, cycles
             )
         size = self._process[cycles]
-        found = [self.linear(s, row) for s, row in zip(suspects, theta, strict=True)]
-        H = np.stack([h for _, h in found]) / self.noise[:, None]
+        states, sensors = 2 * self.predictor.kept, len(self.noise)
+        found = Gains(
+            np.zeros((lanes, states, sensors)), np.zeros((lanes, values, states, sensors))
+        )
         if size == 0.0:
-            return np.swapaxes(np.zeros_like(H), -1, -2)
-        A = np.stack([a for a, _ in found])
+            return found
+        moved, owners = _neighbours(self, suspects, theta) if slopes else (theta[:0], [])
+        rows = np.concatenate([theta, moved])
+        which = [*range(lanes), *(lane for lane, _ in owners)]
+        systems = self._systems([suspects[i] for i in which], rows)
+        A, H = (np.stack(x) for x in zip(*systems, strict=True))
         broken = ~np.all(np.isfinite(A), axis=(1, 2))
-        A[broken] = A[~broken][0] if np.any(~broken) else 0.0
-        gains = observer_gain(stepped(A, dt), H, dt, size)
-        return gains / self.noise
+        A[broken] = 0.0
+        gains = observer_gain(stepped(A, dt), H / self.noise[:, None], dt, size) / self.noise
+        found.gain[:] = gains[:lanes]
+        for (lane, value), gain in zip(owners, gains[lanes:], strict=True):
+            found.slope[lane, value] = (gain - gains[lane]) / _NEAR
+        return found
 
-    def linear(self, suspects: Suspects, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """State matrix and what the sensors see, about vanishing amplitude."""
-        slots = suspects.row.shape[0]
-        values = split(jnp.asarray(theta), self.parameters, slots)
-        return self.predictor.linear(joints_at(self.joints, values.z), suspects, values)
+    def rest(self) -> tuple[np.ndarray, np.ndarray]:
+        """State matrix and what the sensors see, of the model as given."""
+        return self._systems([self.empty()], np.zeros((1, self.parameters + 2)))[0]
+
+    def _systems(
+        self, suspects: Sequence[Suspects], theta: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """State matrices and what the sensors see, one for each row of values."""
+        p = self.parameters
+        stiffness = []
+        for first in range(0, len(theta), _ROWS):
+            part = theta[first : first + _ROWS, :p]
+            padded = np.vstack([part, np.zeros((_ROWS - len(part), p))])
+            stiffness.append(np.asarray(tangents(self.joints, jnp.asarray(padded)))[: len(part)])
+        found = []
+        for own, row, k in zip(suspects, theta, np.concatenate(stiffness), strict=True):
+            size = row[p : p + 2 * own.row.shape[0] : 2]
+            logarithmic = np.asarray(own.logarithmic) > 0
+            size = np.where(logarithmic, np.exp(np.minimum(size, 50.0)), size)
+            found.append(self.predictor.linear(k, own, size))
+        return found
 
 
-def _layout(search: Search, start: Start, states: bool) -> tuple[_Layout, np.ndarray]:
+class Gains(NamedTuple):
+    """Observers of some lanes.
+
+    Attributes
+    ----------
+    gain : (lanes, states, sensors) array
+        Of the correction after each sample.
+    slope : (lanes, values, states, sensors) array
+        Their derivatives.
+    """
+
+    gain: np.ndarray
+    slope: np.ndarray
+
+
+def _neighbours(
+    search: Search, suspects: Sequence[Suspects], theta: np.ndarray
+) -> tuple[np.ndarray, list[tuple[int, int]]]:
+    """Values beside those of each lane, along all that a linear system depends on."""
+    rows, owners = [], []
+    stiff = [
+        i
+        for i, info in enumerate(info for joint in search.joints for info in joint.given.parameters)
+        if info.dimension == "force/length"
+    ]
+    for lane, own in enumerate(suspects):
+        sizes = [search.parameters + 2 * slot for slot in range(own.row.shape[0])]
+        active = np.any(np.asarray(own.force) != 0, axis=1) | np.any(
+            np.asarray(own.chain)[:, 0] != 0, axis=1
+        )
+        for value in [*stiff, *(i for i, on in zip(sizes, active, strict=True) if on)]:
+            beside = theta[lane].copy()
+            beside[value] += _NEAR
+            rows.append(beside)
+            owners.append((lane, value))
+    return np.array(rows).reshape(-1, theta.shape[1]), owners
+
+
+def _layout(search: Search, start: Start) -> tuple[_Layout, np.ndarray]:
     """Which values are free, and where they begin."""
     hypothesis, R, p = start.hypothesis, search.recordings, search.parameters
     slots = len(hypothesis.sizes)
@@ -229,13 +303,13 @@ def _layout(search: Search, start: Start, states: bool) -> tuple[_Layout, np.nda
     given = np.atleast_2d(start.theta)
     if hypothesis.drifting is None:
         given = given.mean(axis=0, keepdims=True)
-    base = np.concatenate([given[0, :fixed], np.zeros(DIRECTIONS if states else 0)])
+    base = np.concatenate([given[0, :fixed], np.zeros(DIRECTIONS)])
     eye = np.eye(len(base))
     shared = free_values(search, hypothesis)
     columns = [np.tile(eye[i], (R, 1)) for i in shared]
     precision = [1.0 if i < p else 0.0 for i in shared]
     x = [base[i] for i in shared]
-    for r in range(R) if states else ():
+    for r in range(R):
         for i in range(fixed, len(base)):
             one = np.zeros((R, len(base)))
             one[r, i] = 1.0
@@ -295,11 +369,12 @@ def evaluate(
             search.joints,
             suspects,
             theta,
-            jnp.asarray(gains[padded]),
+            jnp.asarray(gains.gain[padded]),
+            jnp.asarray(gains.slope[padded]),
             search.data,
         )
-        e, *rest = (np.asarray(x) for x in found)
-        return [_Seen(*(x[i] for x in rest), e[i]) for i in range(len(own))]
+        e, cost, moment, normal = (np.asarray(x) for x in found)
+        return [_Seen(cost[i], moment[i], normal[i], e[i]) for i in range(len(own))]
 
     firsts = range(0, len(lanes), _LANES)
     if len(firsts) == 1:
@@ -314,6 +389,7 @@ class _Lane:
 
     hypothesis: Hypothesis
     layout: _Layout
+    joints: int
     x: np.ndarray
     seen: _Seen
     cost: float
@@ -334,7 +410,7 @@ class _Lane:
 
     def proposed(self) -> np.ndarray | None:
         """The next x; None when none is left to try."""
-        logs, p = _leaping(self.hypothesis, self.layout), self.layout.precision > 0
+        logs = _leaping(self.hypothesis, self.layout)
         diagonal = np.diag(self.normal)
         while self.damping < _MOST_DAMPING:
             scaled = self.normal + self.damping * np.diag(diagonal + 1e-12 * diagonal.max())
@@ -344,7 +420,7 @@ class _Lane:
                 move = np.full_like(self.x, np.inf)
             x = self.x + move
             small = np.all(np.abs(move[logs]) <= _LEAP) and np.all(np.isfinite(move))
-            if small and np.all(np.abs(x[p]) <= _FARTHEST):
+            if small and np.all(np.abs(x[: self.joints]) <= _FARTHEST):
                 return x
             self.damping *= _RAISED
         return None
@@ -376,12 +452,12 @@ def fit_all(
     steps: int,
     *,
     tolerance: float = 1e-3,
+    race: float = math.inf,
     in_time: Callable[[], bool] = lambda: True,
 ) -> list[Fitted]:
     """Levenberg-Marquardt from many starts, in step.
 
-    Where the memory is long enough to tell, the state after each pulse is free within what the
-    force's noise allows.
+    The state after each pulse is free within what the force's noise allows.
 
     Parameters
     ----------
@@ -395,6 +471,8 @@ def fit_all(
         At most.
     tolerance : float
         Relative gain below which, twice in a row, a search ends.
+    race : float
+        Times the best one's cost from which on a search is given up.
     in_time : function
         False when it is time to stop.
 
@@ -405,7 +483,7 @@ def fit_all(
     """
     if not starts:
         return []
-    begun = [_layout(search, start, cycles > SHORT) for start in starts]
+    begun = [_layout(search, start) for start in starts]
     hypotheses = [start.hypothesis for start in starts]
     lanes = []
     thetas = [
@@ -415,12 +493,16 @@ def fit_all(
         hypotheses, begun, evaluate(search, thetas, cycles), strict=True
     ):
         empty = np.zeros((0, 0))
-        lane = _Lane(h, layout, x, seen, math.inf, empty, empty)
+        lane = _Lane(h, layout, search.parameters, x, seen, math.inf, empty, empty)
         lane.take(x, seen)
         lanes.append(lane)
-    for _ in range(steps):
+    for step in range(steps):
         if not in_time():
             break
+        if step >= _HEAD_START:
+            best = min(lane.cost for lane in lanes)
+            for lane in lanes:
+                lane.active = lane.active and lane.cost < race * best
         tried = []
         for lane in lanes:
             x = lane.proposed() if lane.active else None

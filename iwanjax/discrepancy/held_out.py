@@ -97,16 +97,17 @@ def _free(
     count = len(those.names)
     theta = _expected(search, fitted, places, order)
     R = search.recordings
-    rows = np.stack([theta[min(i, count - 1)] for i in range(R)])
+    rows = search.still(np.stack([theta[min(i, count - 1)] for i in range(R)]))
     weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
     safe = np.where(weight > 0, weight, np.inf)
     e = evaluate(here, [(fitted.hypothesis, rows)], math.inf)[0].residual[:count] / safe
     own = np.sum(np.where(weight > 0, those.noise[:, None, :] ** 2, 0.0), axis=(1, 2))
     if floor:
         random = np.random.default_rng(seed)
-        kicked = [np.hstack([rows, random.standard_normal((R, DIRECTIONS))]) for _ in range(_DRAWS)]
-        still = np.hstack([rows, np.zeros((R, DIRECTIONS))])
-        found = evaluate(here, [(fitted.hypothesis, t) for t in (still, *kicked)], math.inf)
+        kicked = [rows.copy() for _ in range(_DRAWS)]
+        for each in kicked:
+            each[:, fitted.values :] = random.standard_normal((R, DIRECTIONS))
+        found = evaluate(here, [(fitted.hypothesis, t) for t in (rows, *kicked)], math.inf)
         base = found[0].residual[:count]
         for each in found[1:]:
             moved = (each.residual[:count] - base) / safe

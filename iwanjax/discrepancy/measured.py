@@ -135,7 +135,7 @@ def prepared(
         kick[min(force.last + 1, len(each.response) - 1)] = 1.0
         push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))))
         rows.append(
-            Data(
+            (
                 push,
                 np.pad(each.response, (missing, (0, 0))),
                 np.pad(weight, (missing, (0, 0))),
@@ -145,11 +145,10 @@ def prepared(
         )
         noises.append(noise)
         warnings += _odd(each, force)
-    filled = [
-        row if i < len(rows) else row._replace(weight=0.0 * row.weight)
-        for i, row in enumerate(rows[i % len(rows)] for i in range(count))
-    ]
-    data = Data(*(jnp.asarray(np.stack(column)) for column in zip(*filled, strict=True)))
+    filled = [rows[i % len(rows)] for i in range(count)]
+    push, response, weight, kick, unsure = (np.stack(x) for x in zip(*filled, strict=True))
+    weight[len(rows) :] = 0.0
+    data = Data(*(jnp.asarray(x) for x in (push, response, weight, kick, unsure)))
     names = tuple(each.name for each in recordings)
     return Prepared(names, data, np.stack(noises), tuple(warnings))
 

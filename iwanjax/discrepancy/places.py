@@ -33,8 +33,7 @@ def followed(search: Search) -> Followed:
     right whatever is missing.
     """
     predictor = search.predictor
-    hypothesis, rest = search.nothing(), np.zeros(search.parameters + 2)
-    A, H = search.linear(hypothesis.suspects, rest)
+    A, H = search.rest()
     dt = float(predictor.dt) * predictor.substeps
     step, scaled = stepped(A, dt), H / search.noise[:, None]
     gain = observer_gain(step, scaled, dt, process_noise(step, scaled, dt, _MEMORY))

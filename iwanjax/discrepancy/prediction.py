@@ -197,20 +197,23 @@ class Predictor(eqx.Module):
         return jnp.concatenate([of_modes, of_forces, of_modes @ late], axis=1)
 
     def linear(
-        self,
-        joints: tuple[AbstractJoint, ...],
-        suspects: Suspects,
-        values: Values,
+        self, stiffness: np.ndarray, suspects: Suspects, sizes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """State matrix and what the sensors see, about vanishing amplitude.
 
-        Of these joints and of suspects that are linear.
+        Parameters
+        ----------
+        stiffness : (joints,) array
+            Tangents of the joints.
+        suspects : Suspects
+            Of which those that are linear count.
+        sizes : (slots,) array
+            In their units.
         """
         r = self.kept
         P = np.asarray(self.joints)[:, :r]
-        softer = np.array([float(j.initial_stiffness) for j in joints]) - np.asarray(self.stiffness)
+        softer = stiffness - np.asarray(self.stiffness)
         rows = np.asarray(suspects.row)[:, :r]
-        sizes = np.asarray(sizes_of(suspects, values.suspects))
         linear = {
             kind.name: np.asarray(suspects.force)[:, i] * sizes for i, kind in enumerate(self.kinds)
         }

@@ -24,7 +24,7 @@ from iwanjax.discrepancy.prediction import LONGEST_DELAY, Suspects
 from iwanjax.discrepancy.sensitivity import columns
 
 # Suspects that a kernel takes at once, and kernels that run at once.
-_LANES, _THREADS = 16, 2
+_LANES, _THREADS = 8, 2
 # Shares of the largest value a sensor showed, where it may have been cut.
 _LIMITS = (0.98, 0.7)
 
@@ -83,7 +83,7 @@ def screen(
     others = [base.start] if base.hypothesis.kinds else []
     trials = [suspicion.joined(search, [*others, trial]) for trial in single]
     blank = suspicion.joined(search, [*others, Start(search.nothing(), np.append(z, [0.0, 0.0]))])
-    gain = search.gains([blank.hypothesis.suspects], blank.theta[None], base.cycles)[0]
+    gain = search.gains([blank.hypothesis.suspects], blank.theta[None], base.cycles).gain[0]
     states = base.theta[:, base.values :]
     eye = np.eye(len(blank.theta) + states.shape[1])
     shared = free_values(search, base.hypothesis)
@@ -146,7 +146,7 @@ def _forces(
     search: Search, kinds: Sequence[Kind], places: Sequence[Place], z: np.ndarray
 ) -> list[Start]:
     return [
-        suspicion.force(search, kind, place, z, 1.0, shape)
+        suspicion.force(search, kind, place.label, place.row, z, 1.0, shape)
         for kind in kinds
         if isinstance(kind, ForceKind)
         for place in places
@@ -221,7 +221,7 @@ def _sized(search: Search, trial: Start, size: float, sensors: Sequence[str]) ->
     if size == 0 or (kind.positive and size < 0):
         return None
     row = np.asarray(trial.hypothesis.suspects.row[0])
-    return suspicion.force(search, kind, Place(where, row, None), z, size, shape)
+    return suspicion.force(search, kind, where, row, z, size, shape)
 
 
 def _drifts(

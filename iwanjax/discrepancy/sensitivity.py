@@ -63,6 +63,18 @@ def joints_at(joints: tuple[Joint, ...], z: Array) -> tuple[AbstractJoint, ...]:
     return tuple(joint.at(part) for joint, part in zip(joints, parts, strict=True))
 
 
+@eqx.filter_jit
+def tangents(
+    joints: tuple[Joint, ...], z: Float[Array, "lanes parameters"]
+) -> Float[Array, "lanes joints"]:
+    """Initial stiffnesses of all joints."""
+
+    def one(z: Array) -> Array:
+        return jnp.stack([joint.initial_stiffness for joint in joints_at(joints, z)])
+
+    return jax.vmap(one)(z)
+
+
 class Reduced(NamedTuple):
     """Weighted residuals e and what least squares needs of their derivatives J.
 
@@ -109,30 +121,33 @@ def reduced(
     suspects: Suspects,
     theta: Float[Array, "lanes recordings values"],
     gain: Float[Array, "lanes states sensors"],
+    slope: Float[Array, "lanes values states sensors"],
     data: Data,
 ) -> Reduced:
-    """Residuals of each lane's hypothesis in each recording, with derivatives in theta."""
+    """Residuals of each lane's hypothesis in each recording, with derivatives in theta.
+
+    ``slope`` is how the observer's gain, designed for each theta, changes with it.
+    """
     parameters = sum(len(joint.given.parameters) for joint in joints)
     slots = suspects.row.shape[1]
 
-    def one(suspects: Suspects, theta: Array, gain: Array, data: Data) -> Reduced:
-        def residual(theta: Array) -> Array:
+    def one(suspects: Suspects, theta: Array, gain: Array, slope: Array, data: Data) -> Reduced:
+        def residual(theta: Array, gain: Array) -> Array:
             values = split(theta, parameters, slots)
-            if data.unsure.shape[-1] > values.state.shape[0]:
-                values = values._replace(state=jnp.zeros(data.unsure.shape[-1]))
             return _weighted(predictor, joints, suspects, values, gain, data)
 
-        along = jnp.eye(theta.shape[0])
+        def along(one: Array, turned: Array) -> tuple[Array, Array]:
+            return jax.jvp(residual, (theta, gain), (one, turned))
+
         # The residual itself is worked out once for all directions.
-        slope = jax.vmap(lambda one: jax.jvp(residual, (theta,), (one,)), out_axes=(None, 0))
-        e, J = slope(along)
+        e, J = jax.vmap(along, out_axes=(None, 0))(jnp.eye(theta.shape[0]), slope)
         J = J.reshape(theta.shape[0], -1)
         e = jnp.where(jnp.isfinite(e), e, _BROKEN * (data.weight > 0))
         J = jnp.where(jnp.isfinite(J), J, 0.0)
         return Reduced(e, jnp.sum(e**2), J @ e.ravel(), J @ J.T)
 
-    each = jax.vmap(one, in_axes=(None, 0, None, 0))
-    return jax.vmap(each, in_axes=(0, 0, 0, None))(suspects, theta, gain, data)
+    each = jax.vmap(one, in_axes=(None, 0, None, None, 0))
+    return jax.vmap(each, in_axes=(0, 0, 0, 0, None))(suspects, theta, gain, slope, data)
 
 
 @eqx.filter_jit

@@ -38,7 +38,13 @@ class Estimate(NamedTuple):
 
 
 def force(
-    search: Search, kind: ForceKind, place: Place, z: np.ndarray, size: float, shape: float
+    search: Search,
+    kind: ForceKind,
+    label: str,
+    row: np.ndarray,
+    z: np.ndarray,
+    size: float,
+    shape: float,
 ) -> Start:
     """A force of some size and shape at a place, the joints at z."""
     suspects = search.empty()
@@ -46,12 +52,12 @@ def force(
     one = np.zeros(suspects.force.shape)
     one[0, search.predictor.kinds.index(kind)] = scale
     suspects = suspects._replace(
-        row=jnp.asarray(place.row[None]),
+        row=jnp.asarray(row[None]),
         force=jnp.asarray(one),
         logarithmic=jnp.asarray([float(kind.positive)]),
     )
     hypothesis = Hypothesis(
-        (kind,), (place.label,), suspects, (True,), (kind.shape is not None,), None, (scale,)
+        (kind,), (label,), suspects, (True,), (kind.shape is not None,), None, (scale,)
     )
     begin = 0.0 if kind.positive else math.copysign(1.0, size)
     return Start(hypothesis, np.concatenate([z, [begin, math.log(shape)]]))

@@ -5,7 +5,13 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from iwanjax.discrepancy.catalogue import Kind
+from iwanjax.discrepancy.held_out import Free
+from iwanjax.discrepancy.observables import Observable
+from iwanjax.discrepancy.restoring import RestoringForce
 from iwanjax.discrepancy.suspicion import Estimate
+
+# Differences by mode that a statement begins with.
+_TOLD = 2
 
 
 class Suspect(NamedTuple):
@@ -47,6 +53,22 @@ class Errors(NamedTuple):
     hold_out: float
 
 
+class Score(NamedTuple):
+    """What one suspect would take off the residual, judged at size zero.
+
+    Attributes
+    ----------
+    kind, where : str
+        Which.
+    drop : float
+        Share of the squared residual, the joints refitted.
+    """
+
+    kind: str
+    where: str
+    drop: float
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """Result of :func:`iwanjax.diagnose`.
@@ -64,8 +86,16 @@ class Diagnosis:
         what sensor and force noise alone leave.
     indistinguishable : tuple of (str, str)
         Pairs kind@where that these data cannot tell apart.
-    by_recording : dict of str to (float, float)
-        Errors before and after for each recording.
+    observables : tuple of Observable
+        Where frequency and damping of the model before differ from the measured ones.
+    scores : tuple of Score
+        Of the screening, the largest drop first.
+    runs : tuple of Free
+        Free runs before and after, over all recordings.
+    sampling_rate : float
+        Hz.
+    restoring : RestoringForce or None
+        Recovered at the place of the first suspect, where that is a force.
     warnings : tuple of str
         What is odd about the study or the verdict.
     complete : bool
@@ -81,10 +111,20 @@ class Diagnosis:
     after: Errors
     noise_floor: Errors
     indistinguishable: tuple[tuple[str, str], ...]
-    by_recording: Mapping[str, tuple[float, float]] = field(repr=False)
+    observables: tuple[Observable, ...] = field(repr=False)
+    scores: tuple[Score, ...] = field(repr=False)
+    runs: tuple[Free, Free] = field(repr=False)
+    sampling_rate: float
+    restoring: RestoringForce | None = field(repr=False)
     warnings: tuple[str, ...]
     complete: bool
     seconds: float
+
+    @property
+    def by_recording(self) -> Mapping[str, tuple[float, float]]:
+        """Relative errors of each recording before and after."""
+        before, after = (run.by_recording() for run in self.runs)
+        return {name: (before[name], after[name]) for name in before}
 
     @property
     def found(self) -> tuple[Suspect, ...]:
@@ -113,7 +153,7 @@ class Diagnosis:
         ]
 
     def _missing(self) -> list[str]:
-        told = []
+        told = [_difference(each) for each in self.observables[:_TOLD]]
         for each in self.found:
             sizes = ", ".join(
                 f"{p.info.name} = {p.value:.4g}" + (f" ± {p.std:.2g}" if p.std == p.std else "")
@@ -133,6 +173,15 @@ class Diagnosis:
         if rivals:
             told.append(f"These data cannot tell it from {', '.join(rivals)}.")
         return told
+
+
+def _difference(each: Observable) -> str:
+    more = "too much" if each.difference_percent > 0 else "too little"
+    low, high = each.amplitude
+    return (
+        f"In {each.recording} mode {each.mode} has {abs(each.difference_percent):.2g} % {more} "
+        f"{each.quantity} in the model, at amplitudes of {low:.2g} to {high:.2g}."
+    )
 
 
 def alike(what: Sequence[Suspect], margin: float) -> tuple[tuple[str, str], ...]:

@@ -11,7 +11,12 @@ from iwanjax.dynamics import ModalDecays, Transient
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.plotting.curves import plot_curves
-from iwanjax.plotting.diagnosis import plot_diagnosis
+from iwanjax.plotting.diagnosis import (
+    plot_diagnosis,
+    plot_places,
+    plot_prediction,
+    plot_restoring,
+)
 from iwanjax.plotting.fit import plot_fit
 from iwanjax.plotting.joints import plot_joint
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
@@ -34,8 +39,11 @@ __all__ = [
     "plot_joint",
     "plot_merged",
     "plot_modes",
+    "plot_places",
     "plot_posterior",
+    "plot_prediction",
     "plot_qsma",
+    "plot_restoring",
     "plot_ringdown",
     "plot_transient",
 ]

@@ -1,11 +1,22 @@
-"""A diagnosis at a glance: how far off each recording is, before and after, and the rivals."""
+"""A diagnosis in pictures: how far off, where, which law, and what is left."""
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
 from iwanjax.discrepancy.verdict import Diagnosis
-from iwanjax.plotting.style import DOUBLE_COLUMN, PALETTE, SINGLE_COLUMN, paper_style, set_up
+from iwanjax.errors import InputError
+from iwanjax.plotting.style import (
+    DOUBLE_COLUMN,
+    GREY,
+    PALETTE,
+    SINGLE_COLUMN,
+    paper_style,
+    set_up,
+)
+
+# Rivals that are shown, rows of the map of places, and samples that are looked at closely.
+_RIVALS, _ROWS, _CLOSE = 8, 14, 160
 
 
 @paper_style()
@@ -13,9 +24,9 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     """Prediction errors of every recording, and the evidence for what was tried.
 
     Left, the root mean square of predicted less measured over that of measured in a free run:
-    with the joints refitted, and with the first suspect added; a dotted line is what noise
-    alone would leave in the held-out ones. Right, where something is missing, how much less
-    likely each rival makes the data than the first suspect.
+    with the joints refitted, and with what was found added; a dotted line is what noise alone
+    would leave in the held-out ones. Right, where something is missing, how much less likely
+    each rival makes the data than the first suspect.
 
     Parameters
     ----------
@@ -41,21 +52,180 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     at = np.arange(len(names))
     errors.semilogy(at, both[:, 0], "o", color=PALETTE[0], label="joints refitted")
     if diagnosis.detected:
-        errors.semilogy(at, both[:, 1], "s", color=PALETTE[1], label="with the first suspect")
+        errors.semilogy(at, both[:, 1], "s", color=PALETTE[1], label="with what was found")
     floor = diagnosis.noise_floor.hold_out
     if np.isfinite(floor):
-        errors.axhline(floor, color="0.4", linestyle=":", linewidth=0.8, label="noise alone")
+        errors.axhline(floor, color=GREY, linestyle=":", linewidth=0.8, label="noise alone")
     errors.set_xticks(at, names, rotation=30, ha="right")
     errors.set_ylabel("Relative error of prediction (–)")
     figure.legend(loc="outside upper center", ncols=3)
     if wide:
         rivals = panels[0, 1]
-        shown = diagnosis.what[:10]
+        shown = diagnosis.what[:_RIVALS]
         labels = [f"{each.kind.name}\n{each.where}" for each in shown]
         behind = [diagnosis.what[0].log_evidence - each.log_evidence for each in shown]
         rows = np.arange(len(labels))[::-1]
         rivals.barh(rows, np.maximum(behind, 0.5), color=PALETTE[0], height=0.6)
         rivals.set_xscale("log")
-        rivals.set_yticks(rows, labels)
+        rivals.set_yticks(rows, labels, fontsize=6)
         rivals.set_xlabel("Log evidence behind the first (–)")
+    return figure
+
+
+@paper_style()
+def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figure:
+    """Measured against predicted from rest, before and after, with what is left over frequency.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Result of :func:`iwanjax.diagnose`.
+    recording : str, optional
+        Which; the last one (held out, where one is) by default.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    InputError
+        For an unknown recording.
+    """
+    before, after = diagnosis.runs
+    names = list(before.names)
+    if recording is not None and recording not in names:
+        raise InputError(f"plot_prediction: no recording {recording!r}; it has {', '.join(names)}")
+    i = names.index(recording) if recording is not None else len(names) - 1
+    measured = before.measured[i]
+    channel = int(np.argmax(np.sum(before.error[i] ** 2, axis=0)))
+    y = measured[:, channel]
+    t = np.arange(len(y)) / diagnosis.sampling_rate
+    curves = [
+        ("measured", y, "black"),
+        ("joints refitted", y - before.error[i, :, channel], PALETTE[0]),
+    ]
+    if diagnosis.detected:
+        curves.append(("with what was found", y - after.error[i, :, channel], PALETTE[1]))
+    figure, panels = plt.subplots(
+        1, 3, figsize=(DOUBLE_COLUMN, 2.3), layout="constrained", width_ratios=(1.2, 1, 1)
+    )
+    set_up(*panels)
+    first = max(0, int(np.argmax(np.abs(y))) - _CLOSE // 4)
+    close = slice(first, first + _CLOSE)
+    for number, (label, curve, colour) in enumerate(curves):
+        style = "-" if number == 0 else "--"
+        panels[0].plot(t, curve, color=colour, linewidth=0.5, alpha=0.8)
+        panels[1].plot(t[close], curve[close], style, color=colour, linewidth=0.9, label=label)
+    frequency = np.fft.rfftfreq(len(y), 1.0 / diagnosis.sampling_rate)
+    window = np.hanning(len(y))
+    panels[2].semilogy(frequency[1:], _amplitude(y, window)[1:], color="black", linewidth=0.6)
+    for _, curve, colour in curves[1:]:
+        panels[2].semilogy(
+            frequency[1:], _amplitude(y - curve, window)[1:], color=colour, linewidth=0.6
+        )
+    panels[0].set_ylabel("Response (recording's unit)")
+    for panel in panels[:2]:
+        panel.set_xlabel("Time (s)")
+    panels[2].set_xlabel("Frequency (Hz)")
+    panels[2].set_ylabel("Measured, and residuals")
+    for panel, title in zip(panels, ("whole", "beginning", "spectrum"), strict=True):
+        panel.set_title(f"{names[i]}: {title}")
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+def _amplitude(x: np.ndarray, window: np.ndarray) -> np.ndarray:
+    return np.abs(np.fft.rfft(x * window)) * 2.0 / window.sum()
+
+
+@paper_style()
+def plot_places(diagnosis: Diagnosis) -> Figure:
+    """What each kind at each place would take off the residual, judged before any refit.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Result of :func:`iwanjax.diagnose`.
+
+    Returns
+    -------
+    Figure
+    """
+    kinds = list(dict.fromkeys(score.kind for score in diagnosis.scores))
+    places = list(dict.fromkeys(score.where for score in diagnosis.scores))[:_ROWS]
+    drop = np.full((len(places), len(kinds)), np.nan)
+    for score in reversed(diagnosis.scores):
+        if score.where in places:
+            drop[places.index(score.where), kinds.index(score.kind)] = 100.0 * score.drop
+    figure, ax = plt.subplots(
+        figsize=(DOUBLE_COLUMN, 1.3 + 0.22 * len(places)), layout="constrained"
+    )
+    image = ax.imshow(np.clip(drop, 0.0, 100.0), cmap="cividis", vmin=0.0, aspect="auto")
+    ax.set_xticks(np.arange(len(kinds)), kinds, rotation=40, ha="right", fontsize=7)
+    ax.set_yticks(np.arange(len(places)), places, fontsize=7)
+    ax.tick_params(length=0)
+    for each in diagnosis.found:
+        if each.where in places and each.kind.name in kinds:
+            at = (kinds.index(each.kind.name), places.index(each.where))
+            ax.plot(*at, "o", color=PALETTE[1], markersize=9, fillstyle="none", markeredgewidth=2)
+    bar = figure.colorbar(image, ax=ax, pad=0.01)
+    bar.set_label("Residual explained (%)", fontsize=8)
+    bar.ax.tick_params(labelsize=7)
+    return figure
+
+
+@paper_style()
+def plot_restoring(diagnosis: Diagnosis) -> Figure:
+    """The force recovered at the suspect's place, with the chosen law and its rivals.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Result of :func:`iwanjax.diagnose`, with a force among what was found.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    InputError
+        Where no force was recovered.
+    """
+    found = diagnosis.restoring
+    if found is None:
+        raise InputError("plot_restoring: no force was recovered; the first suspect is none")
+    figure, ax = plt.subplots(figsize=(SINGLE_COLUMN, 2.8), layout="constrained")
+    set_up(ax)
+    ax.plot(found.x, found.force, ".", color="0.75", markersize=1.5, rasterized=True)
+    ax.errorbar(
+        found.centre,
+        found.middle,
+        found.spread,
+        fmt="o",
+        color="black",
+        markersize=2.5,
+        linewidth=0.6,
+        label="recovered, median and spread",
+    )
+    for i, (name, law) in enumerate(list(found.laws.items())[:4]):
+        order = np.argsort(found.x)
+        ax.plot(
+            found.x[order],
+            law[order],
+            "-" if i == 0 else "--",
+            color=PALETTE[(i + 1) % len(PALETTE)],
+            linewidth=1.4 if i == 0 else 0.8,
+            label=name,
+        )
+    reach = 1.3 * max(
+        np.max(np.abs(found.middle), initial=0.0),
+        max(np.max(np.abs(law)) for law in found.laws.values()),
+    )
+    if reach > 0:
+        ax.set_ylim(-reach, reach)
+    ax.set_xlabel(f"{found.over.capitalize()} of {found.where} (model's unit)")
+    ax.set_ylabel("Missing force (model's unit)")
+    ax.legend(loc="best")
     return figure

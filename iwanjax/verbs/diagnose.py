@@ -10,11 +10,14 @@ import numpy as np
 from iwanjax.config import Study
 from iwanjax.discrepancy import Diagnosis, Transient, diagnose
 from iwanjax.errors import InputError
-from iwanjax.plotting import plot_diagnosis
+from iwanjax.plotting import plot_diagnosis, plot_places, plot_prediction, plot_restoring
 from iwanjax.report.page import Section, Table, render
 from iwanjax.signals import Recording
 from iwanjax.verbs.measured import recordings_of
 from iwanjax.verbs.output import results, save, version, write_json
+
+# Differences by mode that a report lists.
+_MODES = 12
 
 
 def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
@@ -66,9 +69,9 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
         progress=lambda line: print(f"  {line}", file=sys.stderr, flush=True),
     )
     with results(out) as folder:
-        picture = save(plot_diagnosis(verdict), folder / "diagnosis.png")
+        pictures = _pictures(verdict, folder)
         write_json(folder / "diagnosis.json", told(study.name, verdict))
-        page = _report(study.name, verdict, picture)
+        page = _report(study.name, verdict, pictures)
         (folder / "report.html").write_text(page, encoding="utf-8")
     return [verdict.statement(), f"wrote {out / 'report.html'}"]
 
@@ -150,13 +153,18 @@ def told(study: str, verdict: Diagnosis) -> dict[str, Any]:
         ],
         "observables": [
             {
-                "recording": name,
-                "quantity": "response",
-                "difference_percent": 100.0 * before,
-                "after_percent": 100.0 * after,
+                "recording": each.recording,
+                "mode": each.mode,
+                "quantity": each.quantity,
+                "amplitude": list(each.amplitude),
+                "difference_percent": each.difference_percent,
             }
-            for name, (before, after) in verdict.by_recording.items()
+            for each in verdict.observables
         ],
+        "recordings": {
+            name: {"before": before, "after": after}
+            for name, (before, after) in verdict.by_recording.items()
+        },
         "fit": {
             "before": pair(verdict.before),
             "after": pair(verdict.after),
@@ -170,7 +178,31 @@ def told(study: str, verdict: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _report(title: str, verdict: Diagnosis, picture: bytes) -> str:
+def _pictures(verdict: Diagnosis, folder: Path) -> list[tuple[str, bytes]]:
+    """Captions and pictures, the verdict's own first."""
+    drawn = [
+        (
+            "Errors of every recording, and how far the rivals are behind.",
+            "diagnosis",
+            plot_diagnosis(verdict),
+        ),
+        (
+            "A recording that no fit has seen, from rest under the measured force: measured, "
+            "predicted before and after, and the spectrum of what is left.",
+            "prediction",
+            plot_prediction(verdict),
+        ),
+    ]
+    if verdict.restoring is not None:
+        told = "The force that the place lacks, as the recordings show it, and the laws over it."
+        drawn.append((told, "restoring_force", plot_restoring(verdict)))
+    if verdict.scores:
+        told = "Where: what each kind at each place would explain of what the joints cannot."
+        drawn.append((told, "places", plot_places(verdict)))
+    return [(told, save(figure, folder / f"{name}.png")) for told, name, figure in drawn]
+
+
+def _report(title: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> str:
     """The verdict in words, its picture and its tables."""
     recordings = Table(
         ("Recording", "Joints refitted", "With the first suspect"),
@@ -199,7 +231,22 @@ def _report(title: str, verdict: Diagnosis, picture: bytes) -> str:
         "What was tried together with the joints; evidence less that of the best.",
         words=(0, 1, 2),
     )
-    caption = "Errors of every recording, and how far the rivals are behind."
-    tables = (recordings, rivals) if verdict.what else (recordings,)
-    section = Section("What it rests on", (), ((caption, picture),), tables)
+    modes = Table(
+        ("Recording", "Mode", "Quantity", "Amplitudes", "Model less measured"),
+        tuple(
+            (
+                each.recording,
+                str(each.mode),
+                each.quantity,
+                f"{each.amplitude[0]:.3g} to {each.amplitude[1]:.3g}",
+                f"{each.difference_percent:+.2g} %",
+            )
+            for each in verdict.observables[:_MODES]
+        ),
+        "Frequency and damping that the model with its joints refitted gets wrong.",
+        words=(0, 2),
+    )
+    tables = [recordings]
+    tables += [rivals] * bool(verdict.what) + [modes] * bool(verdict.observables)
+    section = Section("What it rests on", (), tuple(pictures), tuple(tables))
     return render(title, [verdict.statement()], [section], f"Written by iwanjax {version()}.")

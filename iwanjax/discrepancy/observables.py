@@ -1,0 +1,114 @@
+"""By mode and amplitude: how frequency and damping differ between recordings and the model."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.curves import ModalCurves
+from iwanjax.discrepancy.fitting import Search
+from iwanjax.discrepancy.held_out import Free
+from iwanjax.errors import InputError
+from iwanjax.signals import ringdown_curves
+
+# Half width of a mode's band over its frequency, at most; and the share of the distance to the
+# next mode that it may take.
+_HALF, _SHARE = 0.2, 0.4
+# Deviations beyond which a difference is one, and levels it is taken at.
+_CLEAR, _LEVELS = 3.0, 9
+# The highest mode that is looked at, over the sampling rate.
+_HIGHEST = 0.3
+
+
+class Observable(NamedTuple):
+    """One mode in one recording.
+
+    Attributes
+    ----------
+    recording : str
+        Its name.
+    mode : int
+        Among the model's elastic modes, the lowest first from zero.
+    quantity : {"frequency", "damping"}
+        What differs.
+    amplitude : (float, float)
+        Range of the sensor's amplitude that was compared.
+    difference_percent : float
+        Model less measured over measured, the median over that range.
+    """
+
+    recording: str
+    mode: int
+    quantity: str
+    amplitude: tuple[float, float]
+    difference_percent: float
+
+
+def observables(search: Search, run: Free, sampling_rate: float) -> tuple[Observable, ...]:
+    """Clear differences of a free run, the largest first.
+
+    Recordings whose decays are too short or too close to the noise say nothing.
+    """
+    predictor = search.predictor
+    frequency = np.sqrt(np.maximum(np.asarray(predictor.omega2), 0.0)) / (2.0 * np.pi)
+    shapes = np.abs(np.asarray(predictor.sensors))
+    elastic = [i for i, f in enumerate(frequency) if f > 0]
+    found: list[Observable] = []
+    for i, name in enumerate(run.names):
+        measured = run.measured[i]
+        predicted = measured - run.error[i]
+        for number, mode in enumerate(elastic):
+            band = _band(frequency[elastic], number)
+            if band[1] > _HIGHEST * sampling_rate:
+                break
+            channel = int(np.argmax(shapes[:, mode]))
+            quiet = np.all(measured == 0, axis=1)
+            both = [
+                _curves(x[~quiet, channel], sampling_rate, band, predictor.quantity)
+                for x in (measured, predicted)
+            ]
+            if both[0] is not None and both[1] is not None:
+                found += _differences(name, number, both[0], both[1])
+    return tuple(sorted(found, key=lambda each: -abs(each.difference_percent)))
+
+
+def _band(frequency: np.ndarray, number: int) -> tuple[float, float]:
+    """About one mode, short of its neighbours."""
+    f = frequency[number]
+    gaps = [abs(other - f) for i, other in enumerate(frequency) if i != number]
+    half = min([_HALF * f, *(_SHARE * gap for gap in gaps)])
+    return float(f - half), float(f + half)
+
+
+def _curves(
+    signal: np.ndarray, rate: float, band: tuple[float, float], quantity: str
+) -> ModalCurves | None:
+    try:
+        return ringdown_curves(signal, rate, band, quantity=quantity)
+    except InputError:
+        return None
+
+
+def _differences(
+    name: str, mode: int, measured: ModalCurves, predicted: ModalCurves
+) -> Sequence[Observable]:
+    a, b = (np.asarray(x.amplitude) for x in (measured, predicted))
+    low, high = max(a.min(), b.min()), min(a.max(), b.max())
+    if not low < high:
+        return []
+    levels = np.geomspace(low, high, _LEVELS)
+    found = []
+    for quantity in ("frequency", "damping"):
+        values, stds = [], []
+        for x, curves in ((a, measured), (b, predicted)):
+            order = np.argsort(x)
+            value = np.asarray(getattr(curves, quantity))[order]
+            std = getattr(curves, f"{quantity}_std")
+            values.append(np.interp(levels, x[order], value))
+            spread = np.zeros_like(value) if std is None else np.asarray(std)[order]
+            stds.append(np.interp(levels, x[order], spread))
+        off = values[1] - values[0]
+        if np.median(np.abs(off) / np.hypot(*stds).clip(1e-300)) > _CLEAR:
+            percent = 100.0 * float(np.median(off / values[0]))
+            found.append(Observable(name, mode, quantity, (float(low), float(high)), percent))
+    return found

@@ -1,0 +1,142 @@
+"""The force that a place lacks, recovered from recordings, beside the laws that may explain it."""
+
+import math
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.discrepancy.catalogue import ForceKind, Motion
+from iwanjax.discrepancy.fitting import SHORT, Fitted, Hypothesis, Search, evaluate
+from iwanjax.discrepancy.places import Followed
+
+# Bins of the recovered force along the deflection, and the fewest samples of one.
+_BINS, _FEWEST = 25, 8
+
+
+@dataclass(frozen=True, eq=False)
+class RestoringForce:
+    """A recovered force at a place in the hardest recording, and laws that may explain it.
+
+    Attributes
+    ----------
+    kind, where : str
+        Chosen suspect.
+    over : str
+        What the force is shown over: "deflection", "rate" or "acceleration".
+    x, force : (N,) array
+        Samples, opposing a growing deflection.
+    centre, middle, spread : (bins,) array
+        Medians of the force in bins of x, and deviations of a sample about them.
+    laws : dict of str to (N,) array
+        What the chosen kind and its rivals there would do in the same motion.
+    """
+
+    kind: str
+    where: str
+    over: str
+    x: np.ndarray = field(repr=False)
+    force: np.ndarray = field(repr=False)
+    centre: np.ndarray = field(repr=False)
+    middle: np.ndarray = field(repr=False)
+    spread: np.ndarray = field(repr=False)
+    laws: dict[str, np.ndarray] = field(repr=False)
+
+
+def restoring_force(
+    search: Search, seen: Followed, best: Fitted, slot: int, rivals: list[Fitted]
+) -> RestoringForce | None:
+    """The force that the best model's joints leave unexplained at the suspect's place.
+
+    The model without the suspect follows the recording with a short memory; what its observer
+    has to add to the modal velocities at every sample, seen by the place, is the force that is
+    missing there over the inertia that it meets.
+
+    Returns
+    -------
+    RestoringForce or None
+        None where the suspect is no force.
+    """
+    kind = best.hypothesis.kinds[slot]
+    if not isinstance(kind, ForceKind):
+        return None
+    p, kept = search.parameters, search.predictor.kept
+    theta = best.theta.copy()
+    theta[:, p + 2 * slot] = -60.0 if best.hypothesis.suspects.logarithmic[slot] > 0 else 0.0
+    gain = search.gains([best.hypothesis.suspects], theta.mean(axis=0)[None], SHORT).gain[0]
+    residual = evaluate(search, [(best.hypothesis, theta)], SHORT)[0].residual
+    weight = np.asarray(search.data.weight)
+    e = np.where(weight > 0, residual / np.where(weight > 0, weight, 1.0), 0.0)
+    row = np.asarray(best.hypothesis.suspects.row)[slot, :kept]
+    d, v = seen.q @ row, seen.v @ row
+    hardest = int(np.argmax(np.max(np.abs(d), axis=1)))
+    dt = float(search.predictor.dt) * search.predictor.substeps
+    force = -(e[hardest] @ gain[kept:].T @ row) / (dt * float(row @ row))
+    used = weight[hardest, :, 0] > 0
+    d, v = d[hardest], v[hardest]
+    a = np.gradient(v, dt)
+    laws = {}
+    for fit in [best, *rivals]:
+        law = _law(search, fit, row, d, v, a, dt)
+        if law is not None:
+            laws.setdefault(law[0], law[1][used])
+    damping = "damping" in kind.name
+    over = "rate" if damping else "acceleration" if kind.inertial else "deflection"
+    x = {"deflection": d, "rate": v, "acceleration": a}[over][used]
+    centre, middle, spread = _binned(x, force[used])
+    return RestoringForce(
+        kind.name, best.hypothesis.where[slot], over, x, force[used], centre, middle, spread, laws
+    )
+
+
+def _law(
+    search: Search,
+    fit: Fitted,
+    row: np.ndarray,
+    d: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    dt: float,
+) -> tuple[str, np.ndarray] | None:
+    """Name and force of a fit's suspect at this very place, in this motion."""
+    hypothesis: Hypothesis = fit.hypothesis
+    for slot, kind in enumerate(hypothesis.kinds):
+        own = np.asarray(hypothesis.suspects.row)[slot, : len(row)]
+        if not isinstance(kind, ForceKind) or not np.array_equal(own, row):
+            continue
+        size, shape = fit.theta.mean(axis=0)[search.parameters + 2 * slot :][:2]
+        if hypothesis.suspects.logarithmic[slot] > 0:
+            size = math.exp(min(size, 700.0))
+        unit = _unit_force(kind, math.exp(min(shape, 700.0)), (d, v, a), dt)
+        return kind.name, unit * size * hypothesis.scales[slot]
+    return None
+
+
+def _unit_force(
+    kind: ForceKind, shape: float, moving: tuple[np.ndarray, ...], dt: float
+) -> np.ndarray:
+    """Force of size 1 along a motion (d, v, a)."""
+
+    def step(memory: Array, at: tuple[Array, Array, Array, Array]) -> tuple[Array, Array]:
+        d, v, a, moved = at
+        motion = Motion(d, v, a, moved, jnp.asarray(dt))
+        unit, memory = kind.unit_force(motion, jnp.asarray(shape), memory)
+        return memory, unit
+
+    d, v, a = (jnp.asarray(x) for x in moving)
+    return np.asarray(jax.lax.scan(step, jnp.zeros(()), (d, v, a, jnp.diff(d, prepend=0.0)))[1])
+
+
+def _binned(x: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Medians and deviations over bins of x that hold enough samples."""
+    edges = np.linspace(x.min(), x.max(), _BINS + 1)
+    which = np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
+    rows = [
+        (0.5 * (edges[i] + edges[i + 1]), np.median(force[which == i]), np.std(force[which == i]))
+        for i in range(_BINS)
+        if np.sum(which == i) >= _FEWEST
+    ]
+    found = np.array(rows).reshape(-1, 3)
+    return found[:, 0], found[:, 1], found[:, 2]
