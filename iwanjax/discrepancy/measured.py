@@ -16,8 +16,8 @@ from iwanjax.errors import InputError
 # A pulse reaches as far as a force exceeds so many deviations of its noise, or this share of
 # its peak, and some samples beyond; a burst of fewer samples is noise.
 _ABOVE_NOISE, _ABOVE_PEAK, _BESIDE, _FEWEST = 6.0, 1e-3, 3, 2
-# Forces that act longer than this share of a recording are taken as they are.
-_ALWAYS = 0.5
+# A force whose last quarter scatters by this share of its peak never ends: it is taken as it is.
+_ALWAYS = 0.05
 # Samples before the first force that a sensor's noise is measured on, and those beside it that
 # a sensor's own filter may spoil; as many at either end of a recording are left out.
 _ENOUGH, _SPOILT = 20, 8
@@ -215,8 +215,9 @@ def cleaned(force: Float[np.ndarray, "N inputs"]) -> Force:
             part = slice(max(0, start - _BESIDE), end + _BESIDE)
             clean[part, i] = column[part]
             first, last = min(first, start), max(last, end + _BESIDE)
-        if np.mean(clean[:, i] != 0) > _ALWAYS:
-            clean[:, i], first, last = column, 0, 0
+        if noise[i] > _ALWAYS * peak:
+            # No silence to measure the noise in: a shaker, not a hammer.
+            clean[:, i], noise[i], first, last = column, 0.0, 0, 0
     return Force(clean, min(first, len(force) - 1), min(last, len(force) - 1), noise)
 
 

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import ForceKind, JointKind, SensorKind
+from iwanjax.discrepancy.evidence import evidence
 from iwanjax.discrepancy.fitting import (
     Fitted,
     Hypothesis,
@@ -180,9 +181,13 @@ def with_joint(
 
 
 def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]:
-    """Physical parameters of a suspect with deviations, as the residual's own size has them."""
+    """Physical parameters of a suspect with deviations, as the residual's own size has them.
+
+    Residuals that are correlated over some samples count as so many fewer.
+    """
     hypothesis, kind = fitted.hypothesis, fitted.hypothesis.kinds[slot]
-    covariance = np.linalg.pinv(fitted.normal)
+    table = evidence(search, [fitted])
+    covariance = table.temperature * table.tau * np.linalg.pinv(fitted.normal)
     own = free_values(search, hypothesis)
     theta = fitted.theta.mean(axis=0)
     first = search.parameters + 2 * slot

@@ -1,0 +1,215 @@
+"""Predictions, observers and what they are made of, against other ways to the same numbers."""
+
+import math
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.linalg
+
+import iwanjax as ij
+from iwanjax.discrepancy import CATALOGUE, suspicion
+from iwanjax.discrepancy.fitting import Search, evaluate
+from iwanjax.discrepancy.hold import hold
+from iwanjax.discrepancy.measured import Transient, cleaned, prepared
+from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
+from iwanjax.discrepancy.prediction import predictor
+from iwanjax.discrepancy.sensitivity import Joint
+
+RATE, N = 1024.0, 600
+ROWS = {"m1": np.array([1.0, 0.0]), "J1": np.array([-1.0, 1.0])}
+K = np.array([[1.5e5, -6e4], [-6e4, 6e4]])
+RNG = np.random.default_rng(3)
+
+
+def structure():
+    linear = ij.LinearStructure(np.diag([1.0, 1.5]), 2e-5 * K + 0.1 * np.eye(2), K)
+    joint = ij.Iwan4(F_S=6.0, K_T=3e4, chi=-0.5, beta=1.5)
+    return ij.JointedStructure(linear, {"J1": (ROWS["J1"], joint)})
+
+
+def pulse():
+    t = np.arange(N) / RATE
+    width = 0.012
+    force = np.zeros((N, 1))
+    force[:, 0] = 60.0 * np.sin(np.pi * (t - 0.04) / width) ** 2 * ((t > 0.04) & (t < 0.04 + width))
+    return force
+
+
+def search(response, substeps, quantity="acceleration", force=None):
+    kinds = tuple(CATALOGUE[name][0] for name in ("cubic_stiffness", "mass_error"))
+    made, modal = predictor(
+        structure(), jnp.array([[1.0, 0.0]]), jnp.eye(2), RATE, quantity, kinds, substeps
+    )
+    recording = Transient("rec", response, pulse() if force is None else force)
+    seen = prepared([recording], made, modal, np.array([0.01, 0.01]), N, 1)
+    joints = tuple(Joint(joint, jnp.ones(4)) for joint in structure().elements)
+    return Search(made, joints, seen.data, np.array([0.01, 0.01])), np.asarray(modal.Phi)
+
+
+def predicted(made, hypothesis=None, theta=None, cycles=math.inf):
+    """What a free run leaves of zeros: the prediction itself, with its sign."""
+    hypothesis = made.nothing() if hypothesis is None else hypothesis
+    theta = np.zeros(6) if theta is None else theta
+    found = evaluate(made, [(hypothesis, made.still(theta))], cycles)[0]
+    weight = np.asarray(made.data.weight)
+    return np.where(weight > 0, found.residual / np.where(weight > 0, weight, 1.0), 0.0)[0]
+
+
+@pytest.mark.parametrize("coupled", [False, True], ids=["by mode", "coupled"])
+def test_a_step_under_a_parabola_is_that_of_an_ode_solver(coupled):
+    omega2, dt = np.array([900.0, 4e5]), 2e-3
+    C = np.array([[2.0, 0.7], [0.7, 30.0]]) if coupled else np.array([2.0, 30.0])
+    p = RNG.standard_normal((3, 2))
+    q_0, v_0 = RNG.standard_normal(2), 30.0 * RNG.standard_normal(2)
+    matrix = C if coupled else np.diag(C)
+
+    def rate(t, z):
+        s = t / dt
+        return np.concatenate(
+            [z[2:], p[0] + p[1] * s + p[2] * s**2 - matrix @ z[2:] - omega2 * z[:2]]
+        )
+
+    true = scipy.integrate.solve_ivp(rate, (0, dt), [*q_0, *v_0], rtol=1e-11, atol=1e-13).y[:, -1]
+    by = hold(omega2, C, dt)
+    q, v = by.free(jnp.asarray(q_0), jnp.asarray(v_0))
+    more_q, more_v = by.pushed(tuple(jnp.asarray(x) for x in p))
+    np.testing.assert_allclose(np.concatenate([q + more_q, v + more_v]), true, rtol=1e-8)
+
+
+def test_the_gain_is_the_riccati_equations():
+    A = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-900, 100, -2, 0], [100, -4e3, 0, -3]], float)
+    H = np.array([[-900.0, 100.0, -2.0, 0.0]]) / 0.3
+    step = stepped(A, 1e-3)
+    Q = 0.7 * np.diag([0, 0, 1e-3, 1e-3])
+    P = scipy.linalg.solve_discrete_are(step.T, H.T, Q, np.eye(1))
+    true = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.eye(1))
+    np.testing.assert_allclose(observer_gain(step, H, 1e-3, 0.7), true, rtol=1e-6)
+    both = observer_gain(np.stack([step, step]), np.stack([H, 2 * H]), 1e-3, 0.7)
+    np.testing.assert_allclose(both[0], true, rtol=1e-6)
+    assert not np.any(observer_gain(step, H, 1e-3, 0.0))
+
+
+@pytest.mark.parametrize("cycles", [2.0, 30.0])
+def test_the_observers_median_pole_dies_within_the_memory(cycles):
+    A = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-900, 100, -0.1, 0], [100, -4e3, 0, -0.2]], float)
+    H = np.eye(2, 4)
+    step = stepped(A, 1e-3)
+    gain = observer_gain(step, H, 1e-3, process_noise(step, H, 1e-3, cycles))
+    poles = np.linalg.eigvals((np.eye(4) - gain @ H) @ step)
+    decay = -np.log(np.abs(poles)) / np.abs(np.angle(poles)) * 2 * np.pi
+    assert np.median(decay) == pytest.approx(1.0 / cycles, rel=1e-3)
+    assert process_noise(step, H, 1e-3, math.inf) == 0.0
+
+
+@pytest.mark.parametrize("quantity", ["acceleration", "velocity", "displacement"])
+def test_a_free_run_is_what_the_implicit_integrator_gives(quantity):
+    made, _ = search(np.ones((N, 2)), 3, quantity)
+    shown = 1.0 - predicted(made)
+    fine = 16
+    t = np.arange(N * fine) / (RATE * fine)
+    width = 0.012
+    smooth = 60.0 * np.sin(np.pi * (t - 0.04) / width) ** 2 * ((t > 0.04) & (t < 0.04 + width))
+    true = ij.simulate(
+        structure(), smooth[:, None], 1.0 / (RATE * fine), inputs=[[1.0, 0.0]], sliders=None
+    )
+    expected = np.asarray(getattr(true, quantity))[::fine]
+    used = np.asarray(made.data.weight)[0] > 0
+    off = np.where(used, shown - expected, 0.0)
+    assert np.sqrt(np.mean(off**2)) < 2e-3 * np.sqrt(np.mean(expected**2))
+
+
+def test_derivatives_are_those_of_finite_differences():
+    made, Phi = search(RNG.standard_normal((N, 2)), 2)
+    made = replace(made, noise=np.array([0.5, 0.5]))
+    kind = made.predictor.kinds[0]
+    start = suspicion.force(made, kind, "m1", ROWS["m1"] @ Phi, np.zeros(4), 3e9, 1.0)
+    theta = start.theta + np.array([0.1, -0.2, 0.1, 0.3, 0.0, 0.0])
+    for cycles in (2.0, math.inf):
+        found = evaluate(made, [(start.hypothesis, made.still(theta))], cycles)[0]
+        for value in (0, 1, 2, 3, 4, 7):
+            costs = []
+            for sign in (1.0, -1.0):
+                moved = made.still(theta)
+                moved[:, value] += sign * 1e-4
+                costs.append(evaluate(made, [(start.hypothesis, moved)], cycles)[0].misfit.sum())
+            slope = (costs[0] - costs[1]) / 2e-4
+            scale = math.sqrt(found.misfit.sum() * found.normal[0, value, value])
+            assert slope == pytest.approx(2.0 * found.moment[0, value], abs=2e-4 * scale)
+
+
+def test_mass_at_a_place_is_mass_in_the_model():
+    made, Phi = search(np.ones((N, 2)), 3)
+    kind = made.predictor.kinds[1]
+    start = suspicion.force(made, kind, "m1", ROWS["m1"] @ Phi, np.zeros(4), 0.3, 1.0)
+    shown = 1.0 - predicted(made, start.hypothesis, start.theta)
+    heavier = structure()
+    linear = heavier.structure
+    linear = ij.LinearStructure(np.asarray(linear.M) + np.diag([0.3, 0.0]), linear.C, linear.K)
+    true = ij.simulate(
+        ij.JointedStructure(linear, {"J1": (ROWS["J1"], heavier.elements[0])}),
+        np.repeat(pulse(), 1, axis=0),
+        1.0 / RATE,
+        inputs=[[1.0, 0.0]],
+        sliders=None,
+        substeps=16,
+    )
+    expected = np.asarray(true.acceleration)
+    used = np.asarray(made.data.weight)[0] > 0
+    off = np.where(used, shown - expected, 0.0)
+    # The reference follows the force on straight lines, which loses some of its pulse.
+    assert np.sqrt(np.mean(off**2)) < 0.02 * np.sqrt(np.mean(expected**2))
+
+
+def test_sensors_faults_act_on_what_is_shown():
+    made, _ = search(np.ones((N, 2)), 2)
+    plain = 1.0 - predicted(made)
+
+    def shown(name, size):
+        start = suspicion.sensor(made, CATALOGUE[name][0], 1, "a2", np.zeros(4), size)
+        return 1.0 - predicted(made, start.hypothesis, start.theta)
+
+    used = slice(20, -20)
+    louder = shown("sensor_gain", 0.2)
+    np.testing.assert_allclose(louder[used, 1], 1.2 * plain[used, 1], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(louder[:, 0], plain[:, 0], rtol=1e-9, atol=1e-12)
+    turned = shown("sensor_polarity", 0.0)
+    np.testing.assert_allclose(turned[used, 1], -plain[used, 1], rtol=1e-9, atol=1e-12)
+    late = shown("sensor_delay", 2.0)
+    np.testing.assert_allclose(late[used, 1], plain[18:-22, 1], rtol=1e-6, atol=1e-9)
+    cut = shown("sensor_saturation", 5.0)
+    np.testing.assert_allclose(cut[used, 1], np.clip(plain[used, 1], -5, 5), atol=1e-9)
+
+
+def test_a_pulse_is_told_from_noise_and_the_ends():
+    force = 1e-2 * RNG.standard_normal((N, 1)) + pulse()
+    force[-3:] = 1.0
+    force[300] = 0.2
+    found = cleaned(force)
+    acting = np.flatnonzero(found.clean[:, 0])
+    assert acting[0] >= 36
+    assert acting[-1] <= 60
+    assert found.noise[0] == pytest.approx(1e-2, rel=0.2)
+    assert np.array_equal(found.clean[40:50], force[40:50])
+    shaken = RNG.standard_normal((N, 1))
+    assert np.array_equal(cleaned(shaken).clean, shaken)
+
+
+def test_odd_pulses_are_warned_of():
+    made, modal = predictor(
+        structure(),
+        jnp.array([[1.0, 0.0]]),
+        jnp.eye(2),
+        RATE,
+        "acceleration",
+        (CATALOGUE["cubic_stiffness"][0],),
+        2,
+    )
+    clipped, short = np.minimum(pulse(), 40.0), np.zeros((N, 1))
+    short[50:53] = [[20.0], [40.0], [20.0]]
+    for force, word in ((clipped, "clipped"), (short, "3 samples"), (pulse(), "")):
+        recording = Transient("rec", RNG.standard_normal((N, 2)), force)
+        warnings = prepared([recording], made, modal, np.full(2, np.nan), N, 1).warnings
+        assert (word in warnings[0]) if word else not warnings
