@@ -29,8 +29,10 @@ _LEAST_GAIN, _INDULGENCE = 12.0, 0.06
 # Squared residual over the noise's from which on something else may be missing too, how many
 # times a second suspect has to lessen it, and by how much evidence.
 _MISFIT, _FALL, _SECOND_GAIN = 1.3, 3.0, 15.0
-# Times the best one's squared residual that a rival may leave and still be polished.
-_CLOSE = 10.0
+# Times the best cost from which on a polish is given up: what is left needs no last digit.
+_HOPELESS_RACE = 30.0
+# Drop of the first in a screening from which on no other screening is needed.
+_CLEAR = 0.8
 # Squared residual over the noise's from which on the joints as given are looked from as well.
 _FAR = 3.0
 # Share of the best one's drop from which on a suspect is worth a refit; costs that are the same;
@@ -135,13 +137,15 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     grounds.progress("screening kinds and places")
     candidates = _screened(search, nominal, grounds)
     screened = [candidates]
-    if nominal.cost > _FAR * values_measured(search):
+    clear = bool(candidates) and candidates[0].drop > _CLEAR
+    if nominal.cost > _FAR * values_measured(search) and not clear:
         # Joints that were bent to explain something else are a bad place to look from.
         given = Start(search.nothing(), np.zeros(search.parameters + 2))
         screened.append(_screened(search, fit_all(search, [given], SHORT, 0)[0], grounds))
     grounds.progress("refitting suspects")
     entries = _first(search, nominal, screened, grounds)
-    entries = _again(entries[:_SECOND], entries[_SECOND:], MIDDLE, grounds)
+    near = [e for e in entries[:_SECOND] if e.fitted.cost < _RACE * entries[0].fitted.cost]
+    entries = _again(near, entries[len(near) :], MIDDLE, grounds)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     nominal = _renominated(search, nominal, entries, grounds)
     base = Entry(search, nominal)
@@ -151,7 +155,7 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     detected = bool(entries) and _missing(base, entries[0])
     grounds.progress("polishing to the free run")
     # Rivals that are far behind stay where they are.
-    close = [e for e in entries[:_THIRD] if e.fitted.cost < _CLOSE * entries[0].fitted.cost]
+    close = [e for e in entries[:_THIRD] if e.fitted.cost < _RACE * entries[0].fitted.cost]
     count = len(close) if detected else 0
     for cycles in LONG:
         polished = _again([base, *entries[:count]], [], cycles, grounds)
@@ -198,6 +202,7 @@ def _first(
     """The best candidates, the rivals at the best place, and joints' faults, refitted."""
     least = _LEAST_PROMISE / max(evidence(search, [nominal]).worth(nominal), 1e-300)
     promising = [[c for c in each if c.drop > least] for each in screened]
+    far = nominal.cost > _FAR * values_measured(search)
     chosen: dict[tuple[str, ...], list[Start]] = {}
     for candidates in promising:
         best = candidates[0].start.hypothesis.where[-1] if candidates else ""
@@ -205,7 +210,7 @@ def _first(
             hypothesis = c.start.hypothesis
             rival = hypothesis.where[-1] == best or hypothesis.drifting is not None
             if c.drop > _HOPELESS * candidates[0].drop and (rank < _FIRST or rival):
-                chosen.setdefault(hypothesis.variant, []).append(c.start)
+                chosen.setdefault(hypothesis.variant, []).extend(_starts(search, c, far))
     found = fit_all(
         search,
         _begun(search, list(chosen.values())),
@@ -218,7 +223,14 @@ def _first(
     best = min([nominal, *found], key=lambda each: each.cost)
     if best.cost > _MISFIT * values_measured(search):
         entries += _joint_faults(search, nominal, promising[-1], grounds)
-    return sorted(entries, key=_cost)
+    return _placed(entries)
+
+
+def _starts(search: Search, candidate: Candidate, far: bool) -> list[Start]:
+    """A candidate with the joints it was screened with, and as given where these are bent."""
+    start, p = candidate.start, search.parameters
+    given = Start(start.hypothesis, np.concatenate([np.zeros(p), start.common[p:]]))
+    return [start, given] if far else [start]
 
 
 def _begun(search: Search, choices: Sequence[Sequence[Start]]) -> list[Start]:
@@ -228,6 +240,18 @@ def _begun(search: Search, choices: Sequence[Sequence[Start]]) -> list[Start]:
         return [starts[0] for starts in choices]
     costs = iter([float(seen.misfit.sum()) for seen in evaluate(search, lanes, SHORT)])
     return [min(starts, key=lambda _: next(costs)) for starts in choices]
+
+
+def _placed(entries: Sequence[Entry]) -> list[Entry]:
+    """Entries of one round, the best first, each with its distance."""
+    if not entries:
+        return []
+    values = evidence(entries[0].search, [entry.fitted for entry in entries]).values
+    placed = [
+        replace(entry, behind=float(value - values.max()))
+        for entry, value in zip(entries, values, strict=True)
+    ]
+    return sorted(placed, key=_cost)
 
 
 def _cost(entry: Entry) -> float:
@@ -308,14 +332,16 @@ def _again(
     for entry in entries:
         key = (id(entry.search), len(entry.fitted.hypothesis.sizes))
         groups.setdefault(key, []).append(entry)
+    long = cycles > MIDDLE
     for group in groups.values():
         starts = [entry.fitted.start for entry in group]
         fits = fit_all(
             group[0].search,
             starts,
             cycles,
-            _POLISH if cycles > MIDDLE else _STEPS,
-            tolerance=1e-4 if cycles > MIDDLE else 1e-3,
+            _POLISH if long else _STEPS,
+            tolerance=1e-4 if long else 1e-3,
+            race=_HOPELESS_RACE,
             in_time=grounds.in_time,
         )
         found += [replace(entry, fitted=fit) for entry, fit in zip(group, fits, strict=True)]
@@ -349,7 +375,7 @@ def _ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
     behind = values - values.max()
     ranked = [replace(e, behind=float(b)) for e, b in zip(same, behind[1:], strict=True)]
     floor = min((e.behind for e in ranked), default=0.0)
-    left = [replace(e, behind=floor - 1.0) for e in entries if e not in same]
+    left = [replace(e, behind=min(e.behind, floor)) for e in entries if e not in same]
     return replace(base, behind=float(behind[0])), [*sorted(ranked, key=lambda e: -e.behind), *left]
 
 

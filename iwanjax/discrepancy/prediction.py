@@ -31,10 +31,6 @@ LONGEST_DELAY = 4.0
 """Samples by which a sensor may be late."""
 
 
-# Entries of a matrix that is applied as a sum of products.
-_SMALL = 600
-
-
 class Suspects(NamedTuple):
     """What is suspected beside the joints: a force at a place, or a sensor, in each slot.
 
@@ -178,7 +174,7 @@ class Predictor(eqx.Module):
             at = at._replace(z=at.z + kicked * kick)
             seen = jnp.concatenate([run.seen(at, push), at.seen[:-1]])
             e = y - run.chained(seen)
-            return at._replace(z=at.z + _times(gain, e), seen=seen), e
+            return at._replace(z=at.z + gain @ e, seen=seen), e
 
         measured = (data.push[:, -1], run.felt, data.response, data.kick)
         return jax.lax.scan(sample, run.rest(), measured)[1]
@@ -360,7 +356,7 @@ class _Run(NamedTuple):
     def step(self, at: _State, felt: Array) -> _State:
         """Over one step, with what the measured force does over it."""
         r, m = self.by.kept, self.mobility.shape[0]
-        new = _times(self.onward, jnp.concatenate([at.z, at.g])) + felt
+        new = self.onward @ jnp.concatenate([at.z, at.g]) + felt
         z, expected, d, rate, a = jnp.split(new, np.cumsum([2 * r, m, m, m]))
         e, joints, memory = self._forces(d, rate, a, at, expected)
         g = jnp.concatenate([expected + e, at.g[: 2 * m], e])
@@ -394,9 +390,9 @@ class _Run(NamedTuple):
         """What faultless sensors show."""
         predictor, r, m = self.by, self.by.kept, self.mobility.shape[0]
         forces = jnp.concatenate([at.g[:m], at.g[3 * m :]])
-        shown = _times(self.observe, jnp.concatenate([at.z, forces]))
+        shown = self.observe @ jnp.concatenate([at.z, forces])
         if predictor.quantity == "acceleration":
-            shown = shown + _times(predictor.sensors, push[2 * r : 3 * r])
+            shown = shown + predictor.sensors @ push[2 * r : 3 * r]
         return shown[None]
 
     def chained(self, seen: Array) -> Array:
@@ -415,13 +411,6 @@ def _chain(suspects: Suspects, size: Array, shape: Array) -> tuple[Array, Array]
     weight = jnp.prod((late[:, None, None] - others) / apart, axis=-1)
     largest = jnp.sum(shape[:, None] * suspects.chain[:, 2], axis=0)
     return (1.0 + gain) * weight.T, jnp.where(largest > 0, largest, jnp.inf)
-
-
-def _times(matrix: Array, x: Array) -> Array:
-    """A matrix on a vector; a small one as a sum, which fuses, where XLA's products do not."""
-    if matrix.size > _SMALL:
-        return matrix @ x
-    return jnp.sum(matrix * x, axis=-1)
 
 
 def predictor(

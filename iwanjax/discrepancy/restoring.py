@@ -13,7 +13,7 @@ from iwanjax.discrepancy.fitting import SHORT, Fitted, Hypothesis, Search, evalu
 from iwanjax.discrepancy.places import Followed
 
 # Bins of the recovered force along the deflection, and the fewest samples of one.
-_BINS, _FEWEST = 25, 8
+_BINS, _FEWEST = 25, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,9 @@ class RestoringForce:
         Samples, opposing a growing deflection.
     centre, middle, spread : (bins,) array
         Medians of the force in bins of x, and deviations of a sample about them.
-    laws : dict of str to (N,) array
-        What the chosen kind and its rivals there would do in the same motion.
+    laws : dict of str to (bins,) array
+        Medians, in the same bins, of what the chosen kind and its rivals there would do in the
+        same motion.
     """
 
     kind: str
@@ -50,9 +51,11 @@ def restoring_force(
 ) -> RestoringForce | None:
     """The force that the best model's joints leave unexplained at the suspect's place.
 
-    The model without the suspect follows the recording with a short memory; what its observer
-    has to add to the modal velocities at every sample, seen by the place, is the force that is
-    missing there over the inertia that it meets.
+    The best model follows the recording with a short memory. What accelerometers then show
+    beyond it is a force over the inertia that it meets (with other sensors, what the observer
+    has to add to the modal velocities at every sample); with the suspect's own force it makes
+    what the place needs: a partial residual, which bends away from the law where that is wrong.
+    Samples of the pulse are left out.
 
     Returns
     -------
@@ -62,9 +65,7 @@ def restoring_force(
     kind = best.hypothesis.kinds[slot]
     if not isinstance(kind, ForceKind):
         return None
-    p, kept = search.parameters, search.predictor.kept
-    theta = best.theta.copy()
-    theta[:, p + 2 * slot] = -60.0 if best.hypothesis.suspects.logarithmic[slot] > 0 else 0.0
+    kept, theta = search.predictor.kept, best.theta
     gain = search.gains([best.hypothesis.suspects], theta.mean(axis=0)[None], SHORT).gain[0]
     residual = evaluate(search, [(best.hypothesis, theta)], SHORT)[0].residual
     weight = np.asarray(search.data.weight)
@@ -73,8 +74,13 @@ def restoring_force(
     d, v = seen.q @ row, seen.v @ row
     hardest = int(np.argmax(np.max(np.abs(d), axis=1)))
     dt = float(search.predictor.dt) * search.predictor.substeps
-    force = -(e[hardest] @ gain[kept:].T @ row) / (dt * float(row @ row))
-    used = weight[hardest, :, 0] > 0
+    if search.predictor.quantity == "acceleration":
+        felt = np.asarray(search.predictor.sensors) @ row / search.noise**2
+        left = -(e[hardest] @ felt) / float(felt @ (np.asarray(search.predictor.sensors) @ row))
+    else:
+        left = -(e[hardest] @ gain[kept:].T @ row) / (dt * float(row @ row))
+    quiet = ~np.any(np.asarray(search.data.push)[hardest] != 0, axis=(1, 2))
+    used = (weight[hardest, :, 0] > 0) & quiet
     d, v = d[hardest], v[hardest]
     a = np.gradient(v, dt)
     laws = {}
@@ -82,13 +88,14 @@ def restoring_force(
         law = _law(search, fit, row, d, v, a, dt)
         if law is not None:
             laws.setdefault(law[0], law[1][used])
-    damping = "damping" in kind.name
-    over = "rate" if damping else "acceleration" if kind.inertial else "deflection"
-    x = {"deflection": d, "rate": v, "acceleration": a}[over][used]
-    centre, middle, spread = _binned(x, force[used])
-    return RestoringForce(
-        kind.name, best.hypothesis.where[slot], over, x, force[used], centre, middle, spread, laws
-    )
+    force = left[used] + laws[kind.name]
+    moving = {"deflection": d[used], "rate": v[used], "acceleration": a[used]}
+    over = max(moving, key=lambda name: _explained(moving[name], laws[kind.name]))
+    x = moving[over]
+    centre, middle, spread = _binned(x, force)
+    medians = {name: _binned(x, law)[1] for name, law in laws.items()}
+    where = best.hypothesis.where[slot]
+    return RestoringForce(kind.name, where, over, x, force, centre, middle, spread, medians)
 
 
 def _law(
@@ -129,14 +136,31 @@ def _unit_force(
     return np.asarray(jax.lax.scan(step, jnp.zeros(()), (d, v, a, jnp.diff(d, prepend=0.0)))[1])
 
 
+def _explained(x: np.ndarray, law: np.ndarray) -> float:
+    """Share of a law's variance that is a function of x."""
+    which = _bins(x)[1]
+    sums, counts = (np.bincount(which, w, _BINS) for w in (law, None))
+    mean = sums / np.maximum(counts, 1)
+    return float(np.sum(counts * (mean - law.mean()) ** 2))
+
+
+def _bins(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    edges = np.linspace(x.min(), x.max(), _BINS + 1)
+    return edges, np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
+
+
 def _binned(x: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Medians and deviations over bins of x that hold enough samples."""
-    edges = np.linspace(x.min(), x.max(), _BINS + 1)
-    which = np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
+    edges, which = _bins(x)
     rows = [
-        (0.5 * (edges[i] + edges[i + 1]), np.median(force[which == i]), np.std(force[which == i]))
+        (0.5 * (edges[i] + edges[i + 1]), np.median(force[which == i]), _spread(force[which == i]))
         for i in range(_BINS)
         if np.sum(which == i) >= _FEWEST
     ]
     found = np.array(rows).reshape(-1, 3)
     return found[:, 0], found[:, 1], found[:, 2]
+
+
+def _spread(x: np.ndarray) -> float:
+    """Deviation by the median of absolute deviations."""
+    return 1.4826 * float(np.median(np.abs(x - np.median(x))))

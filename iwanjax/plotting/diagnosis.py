@@ -210,19 +210,15 @@ def plot_restoring(diagnosis: Diagnosis) -> Figure:
         label="recovered, median and spread",
     )
     for i, (name, law) in enumerate(list(found.laws.items())[:4]):
-        order = np.argsort(found.x)
         ax.plot(
-            found.x[order],
-            law[order],
+            found.centre,
+            law,
             "-" if i == 0 else "--",
             color=PALETTE[(i + 1) % len(PALETTE)],
             linewidth=1.4 if i == 0 else 0.8,
             label=name,
         )
-    reach = 1.3 * max(
-        np.max(np.abs(found.middle), initial=0.0),
-        max(np.max(np.abs(law)) for law in found.laws.values()),
-    )
+    reach = 2.0 * max(float(np.max(np.abs(x))) for x in (found.middle, *found.laws.values()))
     if reach > 0:
         ax.set_ylim(-reach, reach)
     ax.set_xlabel(f"{found.over.capitalize()} of {found.where} (model's unit)")
