@@ -10,9 +10,10 @@ import numpy as np
 from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import JointKind, Kind
 from iwanjax.discrepancy.evidence import evidence, shares, values_measured
-from iwanjax.discrepancy.fitting import SHORT, Fitted, Search, Start, evaluate, fit_all
+from iwanjax.discrepancy.fitting import SHORT, Fitted, evaluate, fit_all
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.screen import Candidate, screen
+from iwanjax.discrepancy.search import Search, Start
 from iwanjax.discrepancy.verdict import Score
 from iwanjax.joints import Iwan4
 

@@ -11,13 +11,13 @@ import numpy as np
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.competition import Entry, Grounds
-from iwanjax.discrepancy.fitting import Search
 from iwanjax.discrepancy.held_out import Free, free_run
 from iwanjax.discrepancy.measured import Prepared, Transient, prepared
 from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
 from iwanjax.discrepancy.restoring import restoring_force
+from iwanjax.discrepancy.search import Search
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspicion import estimates
 from iwanjax.discrepancy.verdict import Diagnosis, Errors, Suspect, alike

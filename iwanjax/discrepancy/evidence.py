@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.fitting import Fitted, Search
+from iwanjax.discrepancy.fitting import Fitted
+from iwanjax.discrepancy.search import Search
 
 # No model is trusted to explain its residual better than this share of the noise's variance.
 _LEAST_TEMPERATURE = 0.3

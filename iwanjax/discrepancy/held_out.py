@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.fitting import Fitted, Search, drifting_values, evaluate
+from iwanjax.discrepancy.fitting import Fitted, evaluate
 from iwanjax.discrepancy.measured import DIRECTIONS, Prepared
+from iwanjax.discrepancy.search import Search, drifting_values
 
 _DRAWS = 8
 

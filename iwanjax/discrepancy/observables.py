@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.fitting import Search
 from iwanjax.discrepancy.held_out import Free
+from iwanjax.discrepancy.search import Search
 from iwanjax.errors import InputError
 from iwanjax.signals import ringdown_curves
 

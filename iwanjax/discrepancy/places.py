@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import Scales
-from iwanjax.discrepancy.fitting import Search
 from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
+from iwanjax.discrepancy.search import Search
 
 # Memory of the observer, cycles: the data, not the model, say what happened.
 _MEMORY = 1.0

@@ -11,16 +11,10 @@ import numpy as np
 
 from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import ForceKind, JointKind, Kind, SensorKind
-from iwanjax.discrepancy.fitting import (
-    Fitted,
-    Search,
-    Start,
-    drifting_values,
-    evaluate,
-    free_values,
-)
+from iwanjax.discrepancy.fitting import Fitted, evaluate
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.prediction import LONGEST_DELAY, Suspects
+from iwanjax.discrepancy.search import Search, Start, drifting_values, free_values
 from iwanjax.discrepancy.sensitivity import columns
 
 # Suspects that a kernel takes at once, and kernels that run at once.

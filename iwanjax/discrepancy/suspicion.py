@@ -11,15 +11,9 @@ import numpy as np
 
 from iwanjax.discrepancy.catalogue import ForceKind, JointKind, SensorKind
 from iwanjax.discrepancy.evidence import evidence
-from iwanjax.discrepancy.fitting import (
-    Fitted,
-    Hypothesis,
-    Search,
-    Start,
-    drifting_values,
-    free_values,
-)
+from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.search import Hypothesis, Search, Start, drifting_values, free_values
 from iwanjax.discrepancy.sensitivity import Joint, joints_at
 from iwanjax.joints import Iwan4, Iwan5, ParameterInfo
 

@@ -11,11 +11,12 @@ import scipy.linalg
 
 import iwanjax as ij
 from iwanjax.discrepancy import CATALOGUE, suspicion
-from iwanjax.discrepancy.fitting import Search, evaluate
+from iwanjax.discrepancy.fitting import evaluate
 from iwanjax.discrepancy.hold import hold
 from iwanjax.discrepancy.measured import Transient, cleaned, prepared
 from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.prediction import predictor
+from iwanjax.discrepancy.search import Search
 from iwanjax.discrepancy.sensitivity import Joint
 
 RATE, N = 1024.0, 600
