@@ -143,6 +143,11 @@ def diagnose(
             others = [entry.fitted for entry in own[1:]]
             restoring = restoring_force(search, states, own[0].fitted, 0, others)
     warnings = [*seen.warnings, *sides.warnings()]
+    warnings += [
+        f"Row {name} is zero on every mode, so nothing could be looked for there"
+        for name in rows
+        if name not in moving
+    ]
     if table.detected and not _better(before, after):
         warnings.append(
             "What was added does not predict the held-out recordings better: take it as a hint"

@@ -92,19 +92,6 @@ def drift(search: Search, kind: JointKind, joint: int, label: str, z: np.ndarray
     return Start(hypothesis, np.concatenate([z, [0.0, 0.0]]))
 
 
-def resized(start: Start, share: float) -> Start:
-    """The same with its sizes at a share."""
-    theta = start.common.copy()
-    slots = len(start.hypothesis.sizes)
-    first = len(theta) - 2 * slots
-    for slot, free in enumerate(start.hypothesis.sizes):
-        if free:
-            logarithmic = bool(start.hypothesis.suspects.logarithmic[slot] > 0)
-            at = first + 2 * slot
-            theta[at] = theta[at] + math.log(share) if logarithmic else theta[at] * share
-    return Start(start.hypothesis, theta)
-
-
 def joined(search: Search, starts: Sequence[Start]) -> Start:
     """Several suspects at once, each in slots of its own, the joints as in the first."""
     first, p = starts[0], search.parameters

@@ -187,14 +187,17 @@ def _pictures(verdict: Diagnosis, folder: Path) -> list[tuple[str, bytes]]:
             plot_diagnosis(verdict),
         ),
         (
-            "A recording that no fit has seen, from rest under the measured force: measured, "
-            "predicted before and after, and the spectrum of what is left.",
+            "The last recording, held out where one is, from rest under the measured force: "
+            "measured, predicted before and after, and the spectrum of what is left.",
             "prediction",
             plot_prediction(verdict),
         ),
     ]
     if verdict.restoring is not None:
-        told = "The force that the place lacks, as the recordings show it, and the laws over it."
+        told = (
+            "What the place needs: the chosen law and what the recordings leave beside it, sample "
+            "by sample; it bends away from the law where that is wrong. Lines are the laws fitted."
+        )
         drawn.append((told, "restoring_force", plot_restoring(verdict)))
     if verdict.scores:
         told = "Where: what each kind at each place would explain of what the joints cannot."

@@ -134,6 +134,23 @@ def test_bad_recordings_get_one_clear_line(case):
     assert "\n" not in str(caught.value)
 
 
+def test_a_row_of_zeros_is_said():
+    recording = Transient("rec", RNG.standard_normal((400, 2)), RNG.standard_normal((400, 2)))
+    rows = ROWS | {"nowhere": np.zeros(2)}
+    found = diagnose(
+        structure(),
+        [recording],
+        1024.0,
+        places=rows,
+        inputs=TWO,
+        sensors=SENSORS,
+        hypotheses=("cubic_stiffness",),
+        budget=1.0,
+    )
+    assert any("nowhere is zero" in line for line in found.warnings)
+    assert any("held out" in line for line in found.warnings)
+
+
 def test_a_kind_of_ones_own_is_taken_once():
     size = ParameterInfo("s", "force/length", "size")
     own = ForceKind("test_only", "for this test", size, lambda m, s, memory: (m.d, memory), "none")

@@ -39,5 +39,5 @@ def test_where_nothing_is_missing_nothing_is_found(tmp_path):
     found = diagnosed("nothing_missing", tmp_path)
     assert found["detected"] is False
     assert found["what"] == []
-    # The issue asks for a third above the noise's own; 1.30 was reached.
+    # 1.05 was reached; one draw of the forces' noise may cost more.
     assert found["fit"]["after"]["hold_out"] < 1.35 * found["fit"]["noise_floor"]["hold_out"]
