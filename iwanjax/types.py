@@ -1,8 +1,10 @@
 """Array aliases and the few checks that every layer needs."""
 
 import warnings
-from typing import Any, TypeAlias
+from collections.abc import Callable
+from typing import Any, TypeAlias, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +16,8 @@ from iwanjax.errors import InputError, PrecisionError
 
 ArrayLike: TypeAlias = npt.ArrayLike | Array
 """What becomes an array: a number, nested sequences, a NumPy or a JAX array."""
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 Scalar: TypeAlias = float | Array
 """A number, or an array of numbers when a batch of parameter sets is carried."""
@@ -51,6 +55,17 @@ def require_double_precision(what: str) -> None:
         raise PrecisionError(
             _SINGLE_PRECISION.format(what=f"{what} cannot converge to 1e-9; it has only")
         )
+
+
+def compiled_for_one_call(function: Function) -> Function:
+    """``equinox.filter_jit`` without the compiler's optimisations.
+
+    For kernels that are compiled and called about once: they compile in two thirds of the
+    time, and a call takes twice as long.
+    """
+    # Equinox passes what jax.jit takes on; its annotations do not say so.
+    jit: Any = eqx.filter_jit
+    return jit(function, compiler_options={"xla_backend_optimization_level": 0})
 
 
 def is_traced(*values: Any) -> bool:

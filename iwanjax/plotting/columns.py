@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +12,7 @@ from jaxtyping import Array
 
 from iwanjax.curves import ModalCurves
 from iwanjax.quasistatic.modal import ModalOscillator
+from iwanjax.types import compiled_for_one_call
 
 if TYPE_CHECKING:
     from iwanjax.updating.problem import AbstractProblem
@@ -143,7 +143,7 @@ def _common(problem: "AbstractProblem", slopes: np.ndarray, q: Array | None) -> 
     return np.concatenate(means)
 
 
-@eqx.filter_jit
+@compiled_for_one_call
 def _slopes(problem: "AbstractProblem", theta: Array, q: Array | None) -> tuple[Array, Array]:
     """Derivatives of frequency and damping, at displacements or the measured amplitudes."""
 

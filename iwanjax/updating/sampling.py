@@ -1,9 +1,9 @@
 """Sampling the posterior of the parameters with emcee's walkers."""
 
 import hashlib
-import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import emcee
 import jax
@@ -83,10 +83,13 @@ def sample_posterior(
         raise InputError(
             f"sample_posterior: walkers = {walkers}; expected an even number, at least {2 * size}"
         )
-    kept = _Kept(Path(file), solution, walkers, size) if file is not None else None
-    sampler = _sampler(density, walkers, size, kept)
-    state = kept.state(sampler.backend) if kept else None
-    if state is None:
+    kept = _Kept(Path(file), solution, walkers) if file is not None else None
+    sampler = _sampler(density, walkers, size)
+    if kept:
+        kept.read(sampler.backend)
+    if sampler.backend.iteration:
+        state = sampler.backend.get_last_sample()
+    else:
         np_random = np.random.default_rng(seed)
         state = emcee.State(
             _starts(density, solution, walkers, np_random),
@@ -100,14 +103,12 @@ def sample_posterior(
             sampler.random_state = state.random_state
             state = _walked(sampler, state, min(_CHUNK, most_steps - sampler.backend.iteration))
             if kept:
-                kept.copy()
+                kept.write(sampler.backend)
             chain = _Chain(sampler, effective)
             bar.n = min(effective, int(chain.effective.min()))
             bar.refresh()
     log_density = np.asarray(sampler.get_log_prob(discard=chain.burnt))
     acceptance = float(np.mean(sampler.acceptance_fraction))
-    if kept:
-        kept.close()
     names = tuple(solution.parameters[i].name for i in problem.chart.free) + NOISE_SCALES
     flat = chain.kept.reshape(-1, size)
     theta = np.asarray(values_of(problem, jnp.asarray(flat[:, :-2])))
@@ -156,22 +157,19 @@ class _Chain:
 
 
 class _Kept:
-    """The chain on disk: a working file, and a whole copy after every chunk of steps.
+    """The chain on disk, in emcee's own layout: written whole after every chunk of steps.
 
-    A process killed while it writes may leave the working file unreadable, never the copy.
+    emcee's own backend opens its file at every step, which takes longer than the step itself;
+    and a process killed while it writes leaves that file unreadable.
     """
 
-    def __init__(self, path: Path, solution: FitSolution, walkers: int, size: int):
-        self.path, self.working = path, path.with_name(f".{path.name}.working")
+    def __init__(self, path: Path, solution: FitSolution, walkers: int):
+        self.path, self.new = path, path.with_name(f".{path.name}.new")
+        self.new.unlink(missing_ok=True)
         self.fingerprint = _fingerprint(solution, walkers)
-        self.shape = (walkers, size)
-        path.parent.mkdir(parents=True, exist_ok=True)
         self.found = path.exists()
         if self.found:
             self._check()
-            shutil.copyfile(path, self.working)
-        else:
-            self.working.unlink(missing_ok=True)
 
     def _check(self) -> None:
         import h5py
@@ -189,24 +187,31 @@ class _Kept:
                 "walkers); remove it or name another file"
             )
 
-    def backend(self) -> emcee.backends.HDFBackend:
-        backend = emcee.backends.HDFBackend(str(self.working), name=_GROUP)
+    def read(self, backend: emcee.backends.Backend) -> None:
+        """Bring a backend to where the file left off."""
         if not self.found:
-            backend.reset(*self.shape)
-            with backend.open("a") as file:
-                file[_GROUP].attrs["fingerprint"] = self.fingerprint
-        return backend
+            return
+        file = emcee.backends.HDFBackend(str(self.path), name=_GROUP, read_only=True)
+        backend.iteration = int(np.asarray(file.iteration))
+        backend.chain = np.asarray(file.get_chain())
+        backend.log_prob = np.asarray(file.get_log_prob())
+        backend.accepted, backend.random_state = np.asarray(file.accepted), file.random_state
 
-    def state(self, backend: emcee.backends.Backend) -> emcee.State | None:
-        return backend.get_last_sample() if self.found and backend.iteration else None
-
-    def copy(self) -> None:
-        whole = self.path.with_name(f".{self.path.name}.copy")
-        shutil.copyfile(self.working, whole)
-        whole.replace(self.path)
-
-    def close(self) -> None:
-        self.working.unlink(missing_ok=True)
+    def write(self, backend: emcee.backends.Backend) -> None:
+        """Replace the file."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        file = emcee.backends.HDFBackend(str(self.new), name=_GROUP)
+        file.reset(backend.nwalkers, backend.ndim)
+        file.grow(backend.iteration, None)
+        with file.open("a") as opened:
+            group: Any = opened[_GROUP]
+            group["chain"][...] = backend.get_chain()
+            group["log_prob"][...] = backend.get_log_prob()
+            group["accepted"][...] = backend.accepted
+            for i, part in enumerate(backend.random_state or ()):
+                group.attrs[f"random_state_{i}"] = part
+            group.attrs.update(iteration=backend.iteration, fingerprint=self.fingerprint)
+        self.new.replace(self.path)
 
 
 def _fingerprint(solution: FitSolution, walkers: int) -> str:
@@ -222,9 +227,7 @@ def _fingerprint(solution: FitSolution, walkers: int) -> str:
     return digest.hexdigest()
 
 
-def _sampler(
-    density: Density, walkers: int, size: int, kept: _Kept | None
-) -> emcee.EnsembleSampler:
+def _sampler(density: Density, walkers: int, size: int) -> emcee.EnsembleSampler:
     """Vectorised over half of the walkers, which is what the moves ask for at a time."""
     half = walkers // 2
 
@@ -241,14 +244,7 @@ def _sampler(
         (emcee.moves.DEMove(gamma0=1.0), 0.1),
         (emcee.moves.StretchMove(), 0.1),
     ]
-    return emcee.EnsembleSampler(
-        walkers,
-        size,
-        evaluate,
-        vectorize=True,
-        moves=moves,
-        backend=kept.backend() if kept else None,
-    )
+    return emcee.EnsembleSampler(walkers, size, evaluate, vectorize=True, moves=moves)
 
 
 def _starts(

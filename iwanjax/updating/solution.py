@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.curves import ModalCurves
+from iwanjax.types import compiled_for_one_call
 from iwanjax.updating.parameters import Parameter
 from iwanjax.updating.problem import AbstractProblem
 
@@ -225,7 +226,7 @@ class Point(NamedTuple):
     derived_slope: Mapping[str, jax.Array]
 
 
-@eqx.filter_jit
+@compiled_for_one_call
 def point(problem: AbstractProblem, theta: jax.Array) -> Point:
     """A problem at one set of parameters, in one compiled kernel."""
 

@@ -333,11 +333,10 @@ def test_a_walk_that_was_killed_goes_on(tmp_path, posterior):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["chain.h5", "fit.pickle"]
 
 
-def test_a_working_file_that_a_kill_has_spoilt_is_not_looked_at(tmp_path):
+def test_a_file_that_a_kill_has_left_half_written_is_not_looked_at(tmp_path):
     file = tmp_path / "chain.h5"
     first = walk(file=file, most_steps=250)
-    for name in (".chain.h5.working", ".chain.h5.copy"):
-        (tmp_path / name).write_bytes(b"half of")
+    (tmp_path / ".chain.h5.new").write_bytes(b"half of")
     again = walk(file=file, most_steps=250)
     np.testing.assert_array_equal(again.chain, first.chain)
 
