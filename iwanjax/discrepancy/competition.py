@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy import suspicion
-from iwanjax.discrepancy.catalogue import JointKind, Kind
+from iwanjax.discrepancy.catalogue import ForceKind, JointKind, Kind
 from iwanjax.discrepancy.evidence import evidence, shares, values_measured
 from iwanjax.discrepancy.fitting import SHORT, Fitted, evaluate, fit_all
 from iwanjax.discrepancy.places import Place
@@ -20,8 +20,10 @@ from iwanjax.joints import Iwan4
 # Memories of the observer, cycles: the first two find, the others polish.
 MIDDLE, LONG = 8.0, (40.0, math.inf)
 _STEPS, _POLISH = 12, 15
-# Starts of the joints.
+# Starts of the joints; how many suspects are tried from other joints, how many of these, and the
+# memory to begin with.
 _STARTS = 4
+_RESTARTED, _RESTARTS, _SHORTEST = 2, 8, 1.0
 # Hypotheses that are refitted with a memory of two, eight and thirty cycles.
 _FIRST, _SECOND, _THIRD = 12, 6, 3
 # Something is missing when the evidence for it exceeds that for nothing by this. The model's
@@ -30,8 +32,10 @@ _LEAST_GAIN, _INDULGENCE = 12.0, 0.06
 # Squared residual over the noise's from which on something else may be missing too, how many
 # times a second suspect has to lessen it, and by how much evidence.
 _MISFIT, _FALL, _SECOND_GAIN = 1.3, 3.0, 15.0
-# Times the best cost from which on a polish is given up: what is left needs no last digit.
+# Times the best cost from which on a polish is given up: what is left needs no last digit;
 _HOPELESS_RACE = 30.0
+# and until which the nominal model may catch up with its best rival.
+_OUT_OF_SIGHT = 100.0
 # Drop of the first in a screening from which on no other screening is needed.
 _CLEAR = 0.8
 # Squared residual over the noise's from which on the joints as given are looked from as well.
@@ -43,8 +47,9 @@ _HOPELESS, _SAME, _RACE = 0.15, 1.02, 10.0
 _LEAST_PROMISE = 3.0
 # Ratios of kinetic to static friction to begin with.
 _THETAS = (0.7, 0.4)
-# Places where a whole joint is tried, and slips to begin with, of the largest deflection.
-_JOINT_PLACES, _SLIPS = 2, (0.1, 1.0)
+# Places where a whole joint is tried, and how many starts; slips to begin with, of the largest
+# deflection, or of a slider's own.
+_JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,12 +151,14 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     grounds.progress("refitting suspects")
     entries = _first(search, nominal, screened, grounds)
     near = [e for e in entries[:_SECOND] if e.fitted.cost < _RACE * entries[0].fitted.cost]
+    shorts = entries
     entries = _again(near, entries[len(near) :], MIDDLE, grounds)
+    entries = _restarted(search, nominal, entries, grounds, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     nominal = _renominated(search, nominal, entries, grounds)
-    base = Entry(search, nominal)
-    base, entries = _ranked(base, entries)
+    base, entries = _ranked(Entry(search, nominal), entries)
     entries = _doubled(search, base, entries, grounds)
+    entries = _with_joint_faults(search, nominal, shorts, entries, candidates, grounds)
     base, entries = _ranked(base, entries)
     detected = bool(entries) and _missing(base, entries[0])
     grounds.progress("polishing to the free run")
@@ -220,11 +227,7 @@ def _first(
         race=_RACE,
         in_time=grounds.in_time,
     )
-    entries = [Entry(search, each) for each in found]
-    best = min([nominal, *found], key=lambda each: each.cost)
-    if best.cost > _MISFIT * values_measured(search):
-        entries += _joint_faults(search, nominal, promising[-1], grounds)
-    return _placed(entries)
+    return _placed([Entry(search, each) for each in found])
 
 
 def _starts(search: Search, candidate: Candidate, far: bool) -> list[Start]:
@@ -244,7 +247,8 @@ def _begun(search: Search, choices: Sequence[Sequence[Start]]) -> list[Start]:
 
 
 def _placed(entries: Sequence[Entry]) -> list[Entry]:
-    """Entries of one round, the best first, each with its distance."""
+    """Entries of one round that did not break down, the best first, each with its distance."""
+    entries = [entry for entry in entries if math.isfinite(entry.fitted.cost)]
     if not entries:
         return []
     values = evidence(entries[0].search, [entry.fitted for entry in entries]).values
@@ -259,66 +263,131 @@ def _cost(entry: Entry) -> float:
     return entry.fitted.cost
 
 
-def _joint_faults(
-    search: Search, nominal: Fitted, candidates: Sequence[Candidate], grounds: Grounds
+def _restarted(
+    search: Search, nominal: Fitted, entries: list[Entry], grounds: Grounds, seed: int
 ) -> list[Entry]:
-    """Stiction of every joint, and a joint more where the screening points to."""
-    z = nominal.theta.mean(axis=0)[: search.parameters]
-    found: list[Entry] = []
-    for kind in grounds.kinds:
-        if not isinstance(kind, JointKind) or not grounds.in_time():
+    """The best suspects from joints all over their prior, where they leave something.
+
+    With several joints and a strong suspect most starts end in a local minimum.
+    """
+    best = min([nominal, *(e.fitted for e in entries)], key=lambda each: each.cost)
+    if best.cost < _MISFIT * values_measured(search) or not entries:
+        return entries
+    grounds.progress("refitting the best suspects from other joints")
+    random = np.random.default_rng(seed)
+    p = search.parameters
+    found = list(entries)
+    for i, entry in enumerate(entries[:_RESTARTED]):
+        start = entry.fitted.start
+        hopeless = entry.fitted.cost > _RACE * best.cost
+        if start.hypothesis.drifting is not None or hopeless or not grounds.in_time():
             continue
-        if kind.name == "stiction":
-            for j, label in enumerate(grounds.joints):
-                if type(search.joints[j].given) is not Iwan4:
-                    continue
-                made = [
-                    suspicion.with_stiction(search, kind, j, label, theta, z) for theta in _THETAS
-                ]
-                found += [_best_of(made, grounds)]
-        if kind.name == "iwan_joint":
-            for place in _pointed(candidates, grounds)[:_JOINT_PLACES]:
-                made = [
-                    suspicion.with_joint(
-                        search,
-                        kind,
-                        place,
-                        _stiffness(candidates, place),
-                        slip * place.scales.deflection,
-                        z,
-                    )
-                    for slip in _SLIPS
-                ]
-                found += [_best_of(made, grounds)]
+        draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
+        starts = [Start(start.hypothesis, np.concatenate([z, start.common[p:]])) for z in draws]
+        fits: list[Fitted] = []
+        for some in (starts[:_RESTARTED], starts[_RESTARTED:]):
+            # The first few that agree are taken for all.
+            if not fits or max(e.cost for e in fits) > _SAME * min(e.cost for e in fits):
+                fits += fit_all(
+                    search, some, _SHORTEST, _STEPS, race=_RACE, in_time=grounds.in_time
+                )
+        fits.sort(key=lambda each: each.cost)
+        for cycles in (SHORT, MIDDLE):
+            fits = fit_all(
+                search,
+                [each.start for each in fits[:_RESTARTED]],
+                cycles,
+                _STEPS,
+                race=_RACE,
+                best=best.cost,
+                in_time=grounds.in_time,
+            )
+            fits.sort(key=lambda each: each.cost)
+        if fits[0].cost < entry.fitted.cost:
+            found[i] = replace(entry, fitted=fits[0])
+        best = min(best, fits[0], key=lambda each: each.cost)
+    return sorted(found, key=_cost)
+
+
+def _with_joint_faults(
+    search: Search,
+    nominal: Fitted,
+    shorts: Sequence[Entry],
+    entries: list[Entry],
+    candidates: Sequence[Candidate],
+    grounds: Grounds,
+) -> list[Entry]:
+    """Faults that are in the joints as well, where simple forces leave something."""
+    best = min([nominal, *(e.fitted for e in entries)], key=lambda each: each.cost)
+    if best.cost < _MISFIT * values_measured(search):
+        return entries
+    known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
+    grounds.progress("refitting joints of other kinds")
+    faults = _placed([*shorts, *_joint_faults(search, nominal, known, best.cost, grounds)])
+    faults = [e for e in faults if all(e.fitted is not short.fitted for short in shorts)]
+    near = [e for e in faults if e.fitted.cost < _RACE * best.cost]
+    left = [e for e in faults if e not in near]
+    return sorted([*entries, *left, *_again(near, [], MIDDLE, grounds)], key=_cost)
+
+
+def _joint_faults(
+    search: Search,
+    nominal: Fitted,
+    known: Sequence[Start],
+    best: float,
+    grounds: Grounds,
+) -> list[Entry]:
+    """Stiction of every joint, and a joint more where the best suspects are."""
+    z = nominal.theta.mean(axis=0)[: search.parameters]
+    made: list[tuple[Search, list[Start]]] = []
+    for kind in grounds.kinds:
+        if isinstance(kind, JointKind) and kind.name == "stiction":
+            made += [
+                suspicion.with_stiction(search, kind, j, label, _THETAS, z)
+                for j, label in enumerate(grounds.joints)
+                if type(search.joints[j].given) is Iwan4
+            ]
+        if isinstance(kind, JointKind) and kind.name == "iwan_joint":
+            for place in _pointed(known, grounds):
+                guesses = _guesses(search, known, place)
+                if guesses:
+                    made.append(suspicion.with_joint(search, kind, place, guesses))
+    found = []
+    for own, starts in made:
+        if grounds.in_time():
+            fits = fit_all(
+                own, starts, SHORT, _STEPS, race=_RACE, best=best, in_time=grounds.in_time
+            )
+            best = min(best, *(each.cost for each in fits))
+            found.append(Entry(own, min(fits, key=lambda each: each.cost)))
     return found
 
 
-def _best_of(made: Sequence[tuple[Search, Start]], grounds: Grounds) -> Entry:
-    """The best fit of one hypothesis from several starts, each with a search of its own."""
-    fits = [
-        Entry(own, fit_all(own, [start], SHORT, _STEPS, in_time=grounds.in_time)[0])
-        for own, start in made
-    ]
-    return min(fits, key=_cost)
-
-
-def _pointed(candidates: Sequence[Candidate], grounds: Grounds) -> list[Place]:
-    """Places of forces, the most suspicious first."""
+def _pointed(known: Sequence[Start], grounds: Grounds) -> list[Place]:
+    """Places of forces, those of the best suspects first."""
     by_label = {place.label: place for place in grounds.places}
-    labels = [c.start.hypothesis.where[-1] for c in candidates]
-    return [by_label[label] for label in dict.fromkeys(labels) if label in by_label]
+    labels = dict.fromkeys(start.hypothesis.where[-1] for start in known)
+    return [by_label[label] for label in labels if label in by_label][:_JOINT_PLACES]
 
 
-def _stiffness(candidates: Sequence[Candidate], place: Place) -> float:
-    """What the screening makes of the stiffness of a slider at a place, else of a spring."""
-    sizes = {
-        c.start.hypothesis.kinds[-1].name: c.start.hypothesis.scales[-1]
-        for c in candidates
-        if c.start.hypothesis.where[-1] == place.label
-    }
-    return next(
-        (sizes[name] for name in ("coulomb_friction", "stiffness_error") if name in sizes), 1.0
-    )
+def _guesses(search: Search, known: Sequence[Start], place: Place) -> list[suspicion.Guess]:
+    """What the best springs and sliders at a place say of a joint there."""
+    found: list[suspicion.Guess] = []
+    for start in known:
+        hypothesis, p = start.hypothesis, search.parameters
+        kind = hypothesis.kinds[-1]
+        alone = len(hypothesis.kinds) == 1 and hypothesis.where[0] == place.label
+        if not isinstance(kind, ForceKind) or not alone:
+            continue
+        z, (size, shape) = start.common[:p], start.common[p:]
+        stiffness = hypothesis.scales[-1] * (math.exp(size) if kind.positive else size)
+        if kind.size.dimension != "force/length" or stiffness <= 0:
+            continue
+        slips = [share * place.scales.deflection for share in _SLIPS]
+        if kind.shape is not None and kind.shape.dimension == "length":
+            slips = [factor * math.exp(shape) for factor in _SLIPPED]
+        found += [suspicion.Guess(stiffness, slip, z) for slip in slips]
+    return found[:_GUESSES]
 
 
 def _again(
@@ -359,7 +428,10 @@ def _renominated(
         for entry in entries[:_THIRD]
         if entry.search is search
     ]
-    found = fit_all(search, starts, MIDDLE, _STEPS, in_time=grounds.in_time)
+    best = min((e.fitted.cost for e in entries), default=math.inf)
+    found = fit_all(
+        search, starts, MIDDLE, _STEPS, race=_OUT_OF_SIGHT, best=best, in_time=grounds.in_time
+    )
     return min([nominal, *found], key=lambda each: each.cost)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.competition import Entry, Grounds
+from iwanjax.discrepancy.fitting import evaluate
 from iwanjax.discrepancy.held_out import Free, free_run
 from iwanjax.discrepancy.measured import Prepared, Transient, prepared
 from iwanjax.discrepancy.observables import Observable, observables
@@ -29,6 +30,11 @@ from iwanjax.types import ArrayLike, require_double_precision
 
 # Steps between samples.
 _SUBSTEPS = 2
+# Error over the noise's from which on something is left unexplained.
+_UNEXPLAINED = 1.5
+# Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
+# worth that much.
+_OTHER_UNITS = 100.0
 # Evidences closer than this cannot be told apart.
 _ALIKE = 3.0
 
@@ -117,6 +123,7 @@ def diagnose(
     joints = tuple(Joint(j, jnp.ones(len(j.parameters))) for j in structure.elements)
     seen = sides.fitted
     search = Search(made, joints, seen.data, np.median(seen.noise, axis=0))
+    _require_same_units(search, quantity)
     shapes = np.asarray(modal.Phi)
     moving = {name: row @ shapes for name, row in rows.items() if np.any(row @ shapes)}
     states = followed(search)
@@ -152,6 +159,7 @@ def diagnose(
         warnings.append(
             "What was added does not predict the held-out recordings better: take it as a hint"
         )
+    warnings += _left(after[0], table.detected)
     return Diagnosis(
         detected=table.detected,
         probability_nothing_missing=table.probability_of_nothing,
@@ -169,6 +177,36 @@ def diagnose(
         complete=grounds.in_time(),
         seconds=time.perf_counter() - started,
     )
+
+
+def _left(fitted: Free, detected: bool) -> list[str]:
+    """What to think of a residual that stays well above the noise."""
+    ratio = fitted.relative / fitted.floor
+    if ratio < _UNEXPLAINED:
+        return []
+    if detected:
+        advice = (
+            "so something else is missing as well, or what is missing is only like this: "
+            "probabilities are among what was tried"
+        )
+    else:
+        advice = "but nothing that was tried explains it"
+    return [f"The fitted recordings are still {ratio:.2g} times the noise off, {advice}"]
+
+
+def _require_same_units(search: Search, quantity: Quantity) -> None:
+    """Refuse recordings that are of quite another size than the forces can have caused."""
+    given = (search.nothing(), search.still(np.zeros(search.parameters + 2)))
+    residual = evaluate(search, [given], math.inf)[0].residual
+    weight = np.asarray(search.data.weight)
+    measured = np.asarray(search.data.response)[weight > 0]
+    predicted = measured - residual[weight > 0] / weight[weight > 0]
+    ratio = math.sqrt(float(np.mean(measured**2) / np.mean(predicted**2)))
+    if not 1.0 / _OTHER_UNITS < ratio < _OTHER_UNITS:
+        raise InputError(
+            f"recordings: the measured {quantity} is {ratio:.2g} times what the model predicts "
+            "from the forces; are forces, responses and matrices in one system of units?"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.fitting import Fitted
+from iwanjax.discrepancy.fitting import Fitted, correlation_time
 from iwanjax.discrepancy.search import Search
 
 # No model is trusted to explain its residual better than this share of the noise's variance.
@@ -63,17 +63,3 @@ def shares(values: np.ndarray) -> np.ndarray:
     """Probabilities of log evidences."""
     weight = np.exp(values - np.max(values))
     return weight / weight.sum()
-
-
-def correlation_time(residual: np.ndarray) -> float:
-    """Of (recordings, N, sensors) in samples: one plus twice the sum of what is positive."""
-    flat = residual - residual.mean(axis=1, keepdims=True)
-    size = 2 * flat.shape[1]
-    power = np.abs(np.fft.rfft(flat, size, axis=1)) ** 2
-    correlation = np.fft.irfft(power.sum(axis=(0, 2)))[: flat.shape[1] // 4]
-    if correlation[0] <= 0:
-        return 1.0
-    correlation = correlation / correlation[0]
-    negative = np.flatnonzero(correlation <= 0)
-    until = negative[0] if negative.size else correlation.size
-    return float(1.0 + 2.0 * np.sum(correlation[1:until]))

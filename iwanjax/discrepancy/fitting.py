@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -16,8 +15,8 @@ from iwanjax.discrepancy.sensitivity import reduced
 
 SHORT = 2.0
 """The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""
-# Hypotheses that a kernel takes at once, and kernels that run at once.
-_LANES, _THREADS = 2, 2
+# Kernels that run at once, of one hypothesis each: as many to a kernel are no quicker together.
+_THREADS = 2
 # Prior deviations beyond which no joint is looked for.
 _FARTHEST = 8.0
 # The largest change of a logarithm in one step.
@@ -132,28 +131,27 @@ def evaluate(
     means = np.stack([theta.mean(axis=0) for _, theta in lanes])
     gains = search.gains([h.suspects for h, _ in lanes], means, cycles)
 
-    def run(first: int) -> list[_Seen]:
-        own = range(first, min(first + _LANES, len(lanes)))
-        padded = [*own, *[own[-1]] * (_LANES - len(own))]
-        suspects = jax.tree.map(lambda *x: jnp.stack(x), *(lanes[i][0].suspects for i in padded))
-        theta = jnp.asarray(np.stack([lanes[i][1] for i in padded]))
+    def run(i: int) -> _Seen:
+        hypothesis, theta = lanes[i]
         found = reduced(
             search.predictor,
             search.joints,
-            suspects,
-            theta,
-            jnp.asarray(gains.gain[padded]),
-            jnp.asarray(gains.slope[padded]),
+            hypothesis.suspects,
+            jnp.asarray(theta),
+            jnp.asarray(gains.gain[i]),
+            jnp.asarray(gains.slope[i]),
             search.data,
         )
         e, cost, moment, normal = (np.asarray(x) for x in found)
-        return [_Seen(cost[i], moment[i], normal[i], e[i]) for i in range(len(own))]
+        return _Seen(cost, moment, normal, e)
 
-    firsts = range(0, len(lanes), _LANES)
-    if len(firsts) == 1:
-        return run(0)
+    # The first alone where the kernel is yet to be compiled: two would both do it.
+    slots = lanes[0][0].suspects.row.shape[0]
+    alone = 0 if slots in search.compiled else 1
+    found = [run(i) for i in range(alone)]
+    search.compiled.add(slots)
     with ThreadPoolExecutor(_THREADS) as pool:
-        return [each for batch in pool.map(run, firsts) for each in batch]
+        return [*found, *pool.map(run, range(alone, len(lanes)))]
 
 
 @dataclass
@@ -163,40 +161,89 @@ class _Lane:
     hypothesis: Hypothesis
     layout: _Layout
     joints: int
+    count: int
     x: np.ndarray
     seen: _Seen
-    cost: float
-    normal: np.ndarray
-    moment: np.ndarray
+    tau: float = 1.0
     damping: float = _DAMPING
     active: bool = True
     converged: bool = False
     slow: int = 0
 
-    def take(self, x: np.ndarray, seen: _Seen) -> None:
-        """Stand at x."""
-        T, precision = self.layout.T, self.layout.precision
-        self.x, self.seen = x, seen
-        self.cost = float(seen.misfit.sum() + x @ (precision * x))
-        self.normal = np.einsum("rik,rij,rjl->kl", T, seen.normal, T) + np.diag(precision)
-        self.moment = np.einsum("rik,ri->k", T, seen.moment) + precision * x
+    @property
+    def prior(self) -> float:
+        """Squares of x in its own deviations."""
+        return float(self.x @ (self.layout.precision * self.x))
+
+    @property
+    def cost(self) -> float:
+        """All squares."""
+        return float(self.seen.misfit.sum()) + self.prior
+
+    @property
+    def temperature(self) -> float:
+        """Squared residual over the noise's, where it is more."""
+        return max(1.0, float(self.seen.misfit.sum()) / self.count)
+
+    def objective(self, tau: float) -> float:
+        """What is minimised: N ln S, from where the residual's square S is the N of noise.
+
+        As if the deviations were known up to a factor, and residuals that are correlated over
+        tau samples counted as so many fewer: what the model cannot explain is no reason to
+        believe in joints far from what is likely.
+        """
+        square = float(self.seen.misfit.sum())
+        if square < self.count:
+            return square / tau + self.prior
+        return self.count / tau * (1.0 + math.log(square / self.count)) + self.prior
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Second derivatives of half the cost."""
+        return self._squares + np.diag(self.layout.precision)
+
+    @property
+    def _squares(self) -> np.ndarray:
+        T = self.layout.T
+        return np.einsum("rik,rij,rjl->kl", T, self.seen.normal, T)
 
     def proposed(self) -> np.ndarray | None:
         """The next x; None when none is left to try."""
         logs = _leaping(self.hypothesis, self.layout)
-        diagonal = np.diag(self.normal)
+        precision = self.temperature * self.tau * self.layout.precision
+        normal = self._squares + np.diag(precision)
+        moment = np.einsum("rik,ri->k", self.layout.T, self.seen.moment) + precision * self.x
+        diagonal = np.diag(normal)
         while self.damping < _MOST_DAMPING:
-            scaled = self.normal + self.damping * np.diag(diagonal + 1e-12 * diagonal.max())
-            try:
-                move = -np.linalg.solve(scaled, self.moment)
-            except np.linalg.LinAlgError:
-                move = np.full_like(self.x, np.inf)
-            x = self.x + move
-            small = np.all(np.abs(move[logs]) <= _LEAP) and np.all(np.isfinite(move))
-            if small and np.all(np.abs(x[: self.joints]) <= _FARTHEST):
-                return x
+            scaled = normal + self.damping * np.diag(diagonal + 1e-12 * diagonal.max())
+            move = self._move(scaled, moment)
+            if np.all(np.isfinite(move)) and np.all(np.abs(move[logs]) <= _LEAP):
+                return self.x + move
             self.damping *= _RAISED
         return None
+
+    def _move(self, scaled: np.ndarray, moment: np.ndarray) -> np.ndarray:
+        """The step of a damped normal matrix; joints that would go too far stop at the border.
+
+        What is left of the step is solved for again: a step cut short, or damped until it
+        stays inside, is a wall that no search gets along.
+        """
+        border = np.full(len(self.x), np.inf)
+        border[: self.joints] = _FARTHEST
+        held = np.zeros(len(self.x), bool)
+        move = np.zeros(len(self.x))
+        while True:
+            free = ~held
+            against = moment[free] + scaled[np.ix_(free, held)] @ move[held]
+            try:
+                move[free] = -np.linalg.solve(scaled[np.ix_(free, free)], against)
+            except np.linalg.LinAlgError:
+                return np.full_like(move, np.inf)
+            beyond = free & (np.abs(self.x + move) > border)
+            if not beyond.any():
+                return move
+            move[beyond] = np.sign(move[beyond]) * border[beyond] - self.x[beyond]
+            held |= beyond
 
     def theta(self, x: np.ndarray) -> np.ndarray:
         """Values of each recording."""
@@ -226,6 +273,7 @@ def fit_all(
     *,
     tolerance: float = 1e-3,
     race: float = math.inf,
+    best: float = math.inf,
     in_time: Callable[[], bool] = lambda: True,
 ) -> list[Fitted]:
     """Levenberg-Marquardt from many starts, in step.
@@ -246,6 +294,8 @@ def fit_all(
         Relative gain below which, twice in a row, a search ends.
     race : float
         Times the best one's cost from which on a search is given up.
+    best : float
+        Cost that others have reached.
     in_time : function
         False when it is time to stop.
 
@@ -262,18 +312,16 @@ def fit_all(
     thetas = [
         (h, layout.base + layout.T @ x) for h, (layout, x) in zip(hypotheses, begun, strict=True)
     ]
-    for h, (layout, x), seen in zip(
-        hypotheses, begun, evaluate(search, thetas, cycles), strict=True
-    ):
-        empty = np.zeros((0, 0))
-        lane = _Lane(h, layout, search.parameters, x, seen, math.inf, empty, empty)
-        lane.take(x, seen)
-        lanes.append(lane)
+    count = int(np.count_nonzero(np.asarray(search.data.weight)))
+    found = evaluate(search, thetas, cycles)
+    for h, (layout, x), seen in zip(hypotheses, begun, found, strict=True):
+        tau = correlation_time(seen.residual)
+        lanes.append(_Lane(h, layout, search.parameters, count, x, seen, tau))
     for step in range(steps):
         if not in_time():
             break
         if step >= _HEAD_START:
-            best = min(lane.cost for lane in lanes)
+            best = min(best, *(lane.cost for lane in lanes))
             for lane in lanes:
                 lane.active = lane.active and lane.cost < race * best
         tried = []
@@ -288,14 +336,18 @@ def fit_all(
             break
         found = evaluate(search, [(lane.hypothesis, lane.theta(x)) for lane, x in tried], cycles)
         for (lane, x), seen in zip(tried, found, strict=True):
-            before = lane.cost
-            cost = float(seen.misfit.sum() + x @ (lane.layout.precision * x))
-            if not cost < before:
+            at = (lane.x, lane.seen)
+            tau = lane.tau
+            before = lane.objective(tau)
+            lane.x, lane.seen = x, seen
+            gain = tau * (before - lane.objective(tau))
+            if not gain > 0:
+                lane.x, lane.seen = at
                 lane.damping *= _RAISED
                 continue
-            lane.take(x, seen)
+            lane.tau = correlation_time(seen.residual)
             lane.damping = max(lane.damping * _EASED, 1e-9)
-            lane.slow = lane.slow + 1 if before - cost < tolerance * cost else 0
+            lane.slow = lane.slow + 1 if gain < tolerance * min(lane.cost, count) else 0
             if lane.slow == _PATIENCE:
                 lane.converged, lane.active = True, False
     return [
@@ -313,3 +365,17 @@ def fit_all(
         )
         for lane in lanes
     ]
+
+
+def correlation_time(residual: np.ndarray) -> float:
+    """Of (recordings, N, sensors) in samples: one plus twice the sum of what is positive."""
+    flat = residual - residual.mean(axis=1, keepdims=True)
+    size = 2 * flat.shape[1]
+    power = np.abs(np.fft.rfft(flat, size, axis=1)) ** 2
+    correlation = np.fft.irfft(power.sum(axis=(0, 2)))[: flat.shape[1] // 4]
+    if correlation[0] <= 0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    negative = np.flatnonzero(correlation <= 0)
+    until = negative[0] if negative.size else correlation.size
+    return float(1.0 + 2.0 * np.sum(correlation[1:until]))

@@ -94,12 +94,15 @@ class Search:
         To be fitted.
     noise : (sensors,) array
         Deviations.
+    compiled : set of int
+        Numbers of slots that there is a compiled kernel for.
     """
 
     predictor: Predictor
     joints: tuple[Joint, ...]
     data: Data
     noise: np.ndarray
+    compiled: set[int] = field(default_factory=set, repr=False)
     _process: dict[float, float] = field(default_factory=dict, repr=False)
 
     @cached_property

@@ -1,5 +1,7 @@
 """Compiled kernels: residuals of many hypotheses with their derivatives, reduced where made."""
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
@@ -10,6 +12,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.prediction import Data, Predictor, Suspects, Values
 from iwanjax.joints import AbstractJoint, ParameterInfo
+from iwanjax.types import Scalar
 
 # Deviations of the joints' parameters about the values that the model was given: of the
 # logarithm of a force, a stiffness and a ratio, and of an exponent.
@@ -43,17 +46,55 @@ class Joint(eqx.Module):
         return type(self.given)(**values)
 
 
+def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:
+    """The z at which some parameters have these values, the others those given."""
+    z = np.zeros(len(joint.given.parameters))
+    for i, info in enumerate(joint.given.parameters):
+        if info.name not in values:
+            continue
+        given, value = float(getattr(joint.given, info.name)), values[info.name]
+        if info.transform == "log":
+            z[i] = math.log(value / given) / _of_logarithm(info)
+        elif info.transform == "logit":
+            z[i] = (_logit(info, value) - _logit(info, given)) / _of_logit(info, given)
+        else:
+            z[i] = value / given - 1.0
+        z[i] /= float(joint.loose[i])
+    return z
+
+
 def _moved(info: ParameterInfo, value: Array, z: Array) -> Array:
     """A parameter by z deviations: in its logarithm, its logit within bounds, or as it is."""
     if info.transform == "log":
-        scale = _DEVIATIONS.get(info.dimension, _OTHERWISE)
-        return jnp.maximum(value, _SMALLEST if info.dimension == "1" else 0.0) * jnp.exp(scale * z)
+        least = _SMALLEST if info.dimension == "1" else 0.0
+        return jnp.maximum(value, least) * jnp.exp(_of_logarithm(info) * z)
     if info.transform == "logit":
         low, high = info.usual or (info.lower, info.upper)
-        share = jnp.clip((value - low) / (high - low), 0.02, 0.98)
-        scale = _OF_EXPONENTS / ((high - low) * share * (1.0 - share))
-        return low + (high - low) * jax.nn.sigmoid(jnp.log(share / (1.0 - share)) + scale * z)
+        moved = _logit(info, value) + _of_logit(info, value) * z
+        return low + (high - low) * jax.nn.sigmoid(moved)
     return value + z * jnp.abs(value)
+
+
+def _of_logarithm(info: ParameterInfo) -> float:
+    """Prior deviation of a parameter's logarithm."""
+    return _DEVIATIONS.get(info.dimension, _OTHERWISE)
+
+
+def _share(info: ParameterInfo, value: Scalar) -> Scalar:
+    low, high = info.usual or (info.lower, info.upper)
+    return jnp.clip((value - low) / (high - low), 0.02, 0.98)
+
+
+def _logit(info: ParameterInfo, value: Scalar) -> Scalar:
+    share = _share(info, value)
+    return jnp.log(share / (1.0 - share))
+
+
+def _of_logit(info: ParameterInfo, value: Scalar) -> Scalar:
+    """Prior deviation of a parameter's logit."""
+    low, high = info.usual or (info.lower, info.upper)
+    share = _share(info, value)
+    return _OF_EXPONENTS / ((high - low) * share * (1.0 - share))
 
 
 def joints_at(joints: tuple[Joint, ...], z: Array) -> tuple[AbstractJoint, ...]:
@@ -80,20 +121,20 @@ class Reduced(NamedTuple):
 
     Attributes
     ----------
-    e : (lanes, recordings, N, sensors) array
+    e : (recordings, N, sensors) array
         Residuals.
-    cost : (lanes, recordings) array
+    cost : (recordings,) array
         Their sum of squares.
-    moment : (lanes, recordings, directions) array
+    moment : (recordings, directions) array
         J^T e.
-    normal : (lanes, recordings, directions, directions) array
+    normal : (recordings, directions, directions) array
         J^T J.
     """
 
-    e: Float[Array, "lanes recordings N sensors"]
-    cost: Float[Array, "lanes recordings"]
-    moment: Float[Array, "lanes recordings directions"]
-    normal: Float[Array, "lanes recordings directions directions"]
+    e: Float[Array, "recordings N sensors"]
+    cost: Float[Array, " recordings"]
+    moment: Float[Array, "recordings directions"]
+    normal: Float[Array, "recordings directions directions"]
 
 
 def split(theta: Array, parameters: int, slots: int) -> Values:
@@ -119,19 +160,19 @@ def reduced(
     predictor: Predictor,
     joints: tuple[Joint, ...],
     suspects: Suspects,
-    theta: Float[Array, "lanes recordings values"],
-    gain: Float[Array, "lanes states sensors"],
-    slope: Float[Array, "lanes values states sensors"],
+    theta: Float[Array, "recordings values"],
+    gain: Float[Array, "states sensors"],
+    slope: Float[Array, "values states sensors"],
     data: Data,
 ) -> Reduced:
-    """Residuals of each lane's hypothesis in each recording, with derivatives in theta.
+    """Residuals of a hypothesis in each recording, with derivatives in theta.
 
     ``slope`` is how the observer's gain, designed for each theta, changes with it.
     """
     parameters = sum(len(joint.given.parameters) for joint in joints)
-    slots = suspects.row.shape[1]
+    slots = suspects.row.shape[0]
 
-    def one(suspects: Suspects, theta: Array, gain: Array, slope: Array, data: Data) -> Reduced:
+    def one(theta: Array, data: Data) -> Reduced:
         def residual(theta: Array, gain: Array) -> Array:
             values = split(theta, parameters, slots)
             return _weighted(predictor, joints, suspects, values, gain, data)
@@ -146,8 +187,7 @@ def reduced(
         J = jnp.where(jnp.isfinite(J), J, 0.0)
         return Reduced(e, jnp.sum(e**2), J @ e.ravel(), J @ J.T)
 
-    each = jax.vmap(one, in_axes=(None, 0, None, None, 0))
-    return jax.vmap(each, in_axes=(0, 0, 0, 0, None))(suspects, theta, gain, slope, data)
+    return jax.vmap(one)(theta, data)
 
 
 @eqx.filter_jit

@@ -14,7 +14,7 @@ from iwanjax.discrepancy.evidence import evidence
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.search import Hypothesis, Search, Start, drifting_values, free_values
-from iwanjax.discrepancy.sensitivity import Joint, joints_at
+from iwanjax.discrepancy.sensitivity import Joint, joints_at, located
 from iwanjax.joints import Iwan4, Iwan5, ParameterInfo
 
 _CHAIN = ("gain", "delay", "limit")
@@ -115,8 +115,13 @@ def joined(search: Search, starts: Sequence[Start]) -> Start:
 
 
 def with_stiction(
-    search: Search, kind: JointKind, joint: int, label: str, theta: float, z: np.ndarray
-) -> tuple[Search, Start]:
+    search: Search,
+    kind: JointKind,
+    joint: int,
+    label: str,
+    thetas: Sequence[float],
+    z: np.ndarray,
+) -> tuple[Search, list[Start]]:
     """A joint whose kinetic friction is theta of the static one, and the search it takes.
 
     The joint comes first, so that one compiled kernel serves all of them.
@@ -124,7 +129,8 @@ def with_stiction(
     order = [joint, *(i for i in range(len(search.joints)) if i != joint)]
     given = search.joints[joint].given
     values = {info.name: getattr(given, info.name) for info in given.parameters}
-    stuck = Joint(Iwan5(**values, theta=theta), jnp.array([*np.ones(len(values)), _LOOSE_THETA]))
+    loose = jnp.array([*np.ones(len(values)), _LOOSE_THETA])
+    stuck = Joint(Iwan5(**values, theta=thetas[0]), loose)
     joints = (stuck, *(search.joints[i] for i in order[1:]))
     at = jnp.asarray(order)
     predictor = eqx.tree_at(
@@ -132,22 +138,34 @@ def with_stiction(
         search.predictor,
         (search.predictor.joints[at], search.predictor.stiffness[at]),
     )
-    other = replace(search, predictor=predictor, joints=joints, _process={})
+    other = replace(search, predictor=predictor, joints=joints, compiled=set(), _process={})
     ends = np.cumsum([len(each.given.parameters) for each in search.joints])
-    parts = [part.copy() for part in np.split(z, ends[:-1])]
-    # As much force in macroslip as before.
-    parts[joint][0] += -math.log(theta) / 0.5
-    moved = np.concatenate([parts[joint], [0.0], *(parts[i] for i in order[1:])])
-    hypothesis = replace(other.nothing(), kinds=(kind,), where=(label,))
-    return other, Start(hypothesis, np.concatenate([moved, [0.0, 0.0]]))
+    parts = np.split(z, ends[:-1])
+    starts = []
+    for theta in thetas:
+        # As much force in macroslip as before.
+        strength = float(values["F_S"]) / theta
+        own = np.append(parts[joint], 0.0) + located(stuck, {"F_S": strength, "theta": theta})
+        moved = np.concatenate([own, *(parts[i] for i in order[1:])])
+        starts.append(_as_nothing(other, kind, label, moved))
+    return other, starts
+
+
+class Guess(NamedTuple):
+    """Where to begin with a joint: its stiffness, its slip, and the other joints' z."""
+
+    stiffness: float
+    slip: float
+    z: np.ndarray
 
 
 def with_joint(
-    search: Search, kind: JointKind, place: Place, stiffness: float, slip: float, z: np.ndarray
-) -> tuple[Search, Start]:
+    search: Search, kind: JointKind, place: Place, guesses: Sequence[Guess]
+) -> tuple[Search, list[Start]]:
     """One Iwan element more at a place, and the search it takes."""
-    more = Iwan4(F_S=stiffness * slip, K_T=stiffness, chi=-0.5, beta=1.0)
-    joints = (*search.joints, Joint(more, jnp.asarray(_LOOSE_JOINT)))
+    first = guesses[0]
+    given = Iwan4(F_S=first.stiffness * first.slip, K_T=first.stiffness, chi=-0.5, beta=1.0)
+    more = Joint(given, jnp.asarray(_LOOSE_JOINT))
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness),
         search.predictor,
@@ -156,9 +174,21 @@ def with_joint(
             jnp.append(search.predictor.stiffness, 0.0),
         ),
     )
-    other = replace(search, predictor=predictor, joints=joints, _process={})
-    hypothesis = replace(other.nothing(), kinds=(kind,), where=(place.label,))
-    return other, Start(hypothesis, np.concatenate([z, np.zeros(4), [0.0, 0.0]]))
+    other = replace(
+        search, predictor=predictor, joints=(*search.joints, more), compiled=set(), _process={}
+    )
+    starts = []
+    for guess in guesses:
+        values = {"F_S": guess.stiffness * guess.slip, "K_T": guess.stiffness}
+        z = np.concatenate([guess.z, located(more, values)])
+        starts.append(_as_nothing(other, kind, place.label, z))
+    return other, starts
+
+
+def _as_nothing(search: Search, kind: JointKind, label: str, z: np.ndarray) -> Start:
+    """A kind that is in the joints themselves."""
+    hypothesis = replace(search.nothing(), kinds=(kind,), where=(label,))
+    return Start(hypothesis, np.append(z, [0.0, 0.0]))
 
 
 def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]:

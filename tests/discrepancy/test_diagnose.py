@@ -120,6 +120,7 @@ BAD = {
     "short": ({"response": np.ones((20, 2)), "force": np.ones((20, 2))}, {}, "20 samples are too"),
     "sensors": ({"response": np.ones((400, 3))}, {}, r"expected \(N, 2\)"),
     "inputs": ({"force": np.ones((400, 1))}, {}, "force has shape"),
+    "units": ({"response": 1e4 * RNG.standard_normal((400, 2))}, {}, "one system of units"),
     "kind": ({}, {"hypotheses": ("cubic_stifness",)}, "did you mean 'cubic_stiffness'"),
 }
 
