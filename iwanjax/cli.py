@@ -62,9 +62,9 @@ it was. Writes report.html, posterior.json, posterior.npz, the chains (.h5) and 
 """
 _DIAGNOSE_HELP = """What a model is missing, by its recordings with force.
 
-Refits the joints, then looks for a force that they cannot explain: where, of which kind, and
-how much better held-out recordings are predicted with it. Writes report.html, diagnosis.json
-and a picture. So far one effect at a time, of ten kinds that act on a row of the model.
+Refits the joints, then looks for what they cannot explain: a force at a row of the model, a
+fault of a sensor or of a joint, alone or two together; where, of which kind, and how much better
+held-out recordings are predicted with it. Writes report.html, diagnosis.json and pictures.
 """
 _INSPECT_HELP = """What a file holds: arrays, recordings, channels, rates, noise, clipping."""
 
