@@ -50,6 +50,7 @@ _THETAS = (0.7, 0.4)
 # Places where a whole joint is tried, and how many starts; slips to begin with, of the largest
 # deflection, or of a slider's own.
 _JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
+_LIKE_A_JOINT = {"viscoelastic", "coulomb_friction"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +260,12 @@ def _placed(entries: Sequence[Entry]) -> list[Entry]:
     return sorted(placed, key=_cost)
 
 
+def _least(nominal: Fitted, entries: Sequence[Entry]) -> Fitted:
+    """The best fit with the nominal one's memory."""
+    same = [e.fitted for e in entries if e.fitted.cycles == nominal.cycles]
+    return min([nominal, *same], key=lambda each: each.cost)
+
+
 def _cost(entry: Entry) -> float:
     return entry.fitted.cost
 
@@ -270,7 +277,7 @@ def _restarted(
 
     With several joints and a strong suspect most starts end in a local minimum.
     """
-    best = min([nominal, *(e.fitted for e in entries)], key=lambda each: each.cost)
+    best = _least(nominal, entries)
     if best.cost < _MISFIT * values_measured(search) or not entries:
         return entries
     grounds.progress("refitting the best suspects from other joints")
@@ -317,41 +324,59 @@ def _with_joint_faults(
     candidates: Sequence[Candidate],
     grounds: Grounds,
 ) -> list[Entry]:
-    """Faults that are in the joints as well, where simple forces leave something."""
-    best = min([nominal, *(e.fitted for e in entries)], key=lambda each: each.cost)
-    if best.cost < _MISFIT * values_measured(search):
+    """Faults that are in the joints as well, where simple forces leave something.
+
+    What looks much like a joint left out has it for a rival in any case.
+    """
+    best = _least(nominal, entries)
+    left = best.cost > _MISFIT * values_measured(search)
+    if not left and not {kind.name for kind in best.hypothesis.kinds} & _LIKE_A_JOINT:
         return entries
     known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
     grounds.progress("refitting joints of other kinds")
-    faults = _placed([*shorts, *_joint_faults(search, nominal, known, best.cost, grounds)])
+    found = _joints_left_out(search, known, best.cost, grounds, _JOINT_PLACES if left else 1)
+    found += _stuck(search, nominal, best.cost, grounds) if left else []
+    faults = _placed([*shorts, *found])
     faults = [e for e in faults if all(e.fitted is not short.fitted for short in shorts)]
     near = [e for e in faults if e.fitted.cost < _RACE * best.cost]
-    left = [e for e in faults if e not in near]
-    return sorted([*entries, *left, *_again(near, [], MIDDLE, grounds)], key=_cost)
+    others = [e for e in faults if e not in near]
+    return sorted([*entries, *others, *_again(near, [], MIDDLE, grounds)], key=_cost)
 
 
-def _joint_faults(
-    search: Search,
-    nominal: Fitted,
-    known: Sequence[Start],
-    best: float,
-    grounds: Grounds,
-) -> list[Entry]:
-    """Stiction of every joint, and a joint more where the best suspects are."""
+def _stuck(search: Search, nominal: Fitted, best: float, grounds: Grounds) -> list[Entry]:
+    """Stiction of every joint."""
     z = nominal.theta.mean(axis=0)[: search.parameters]
-    made: list[tuple[Search, list[Start]]] = []
+    made = [
+        suspicion.with_stiction(search, kind, j, label, _THETAS, z)
+        for kind in grounds.kinds
+        if isinstance(kind, JointKind) and kind.name == "stiction"
+        for j, label in enumerate(grounds.joints)
+        if type(search.joints[j].given) is Iwan4
+    ]
+    return _best_of_each(made, best, grounds)
+
+
+def _joints_left_out(
+    search: Search, known: Sequence[Start], best: float, grounds: Grounds, most: int
+) -> list[Entry]:
+    """A joint more where the best suspects are."""
+    by_label = {place.label: place for place in grounds.places}
+    labels = dict.fromkeys(start.hypothesis.where[-1] for start in known)
+    places = [by_label[label] for label in labels if label in by_label][:most]
+    made = []
     for kind in grounds.kinds:
-        if isinstance(kind, JointKind) and kind.name == "stiction":
-            made += [
-                suspicion.with_stiction(search, kind, j, label, _THETAS, z)
-                for j, label in enumerate(grounds.joints)
-                if type(search.joints[j].given) is Iwan4
-            ]
         if isinstance(kind, JointKind) and kind.name == "iwan_joint":
-            for place in _pointed(known, grounds):
+            for place in places:
                 guesses = _guesses(search, known, place)
                 if guesses:
                     made.append(suspicion.with_joint(search, kind, place, guesses))
+    return _best_of_each(made, best, grounds)
+
+
+def _best_of_each(
+    made: Sequence[tuple[Search, list[Start]]], best: float, grounds: Grounds
+) -> list[Entry]:
+    """The best fit of each hypothesis that has a search of its own."""
     found = []
     for own, starts in made:
         if grounds.in_time():
@@ -361,13 +386,6 @@ def _joint_faults(
             best = min(best, *(each.cost for each in fits))
             found.append(Entry(own, min(fits, key=lambda each: each.cost)))
     return found
-
-
-def _pointed(known: Sequence[Start], grounds: Grounds) -> list[Place]:
-    """Places of forces, those of the best suspects first."""
-    by_label = {place.label: place for place in grounds.places}
-    labels = dict.fromkeys(start.hypothesis.where[-1] for start in known)
-    return [by_label[label] for label in labels if label in by_label][:_JOINT_PLACES]
 
 
 def _guesses(search: Search, known: Sequence[Start], place: Place) -> list[suspicion.Guess]:
@@ -428,9 +446,14 @@ def _renominated(
         for entry in entries[:_THIRD]
         if entry.search is search
     ]
-    best = min((e.fitted.cost for e in entries), default=math.inf)
     found = fit_all(
-        search, starts, MIDDLE, _STEPS, race=_OUT_OF_SIGHT, best=best, in_time=grounds.in_time
+        search,
+        starts,
+        MIDDLE,
+        _STEPS,
+        race=_OUT_OF_SIGHT,
+        best=_least(nominal, entries).cost,
+        in_time=grounds.in_time,
     )
     return min([nominal, *found], key=lambda each: each.cost)
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iwanjax.discrepancy.catalogue import JointKind
 from iwanjax.discrepancy.fitting import Fitted, correlation_time
 from iwanjax.discrepancy.search import Search
 
@@ -54,9 +55,10 @@ def values_measured(search: Search) -> int:
 
 
 def unknowns(fitted: Fitted) -> int:
-    """Number of values fitted beyond those that have a prior."""
-    own = sum(fitted.hypothesis.sizes) + sum(fitted.hypothesis.shapes)
-    return own + (2 if fitted.hypothesis.drifting is not None else 0)
+    """Number of values fitted beyond those of the joints as given."""
+    hypothesis = fitted.hypothesis
+    own = sum(hypothesis.sizes) + sum(hypothesis.shapes)
+    return own + sum(len(k.parameters) for k in hypothesis.kinds if isinstance(k, JointKind))
 
 
 def shares(values: np.ndarray) -> np.ndarray:
