@@ -214,40 +214,57 @@ class _Lane:
         normal = self._squares + np.diag(precision)
         moment = np.einsum("rik,ri->k", self.layout.T, self.seen.moment) + precision * self.x
         diagonal = np.diag(normal)
+        border = np.full(len(self.x), np.inf)
+        border[: self.joints] = _FARTHEST
         while self.damping < _MOST_DAMPING:
             scaled = normal + self.damping * np.diag(diagonal + 1e-12 * diagonal.max())
-            move = self._move(scaled, moment)
+            move = step_within(scaled, moment, self.x, border)
             if np.all(np.isfinite(move)) and np.all(np.abs(move[logs]) <= _LEAP):
                 return self.x + move
             self.damping *= _RAISED
         return None
 
-    def _move(self, scaled: np.ndarray, moment: np.ndarray) -> np.ndarray:
-        """The step of a damped normal matrix; joints that would go too far stop at the border.
-
-        What is left of the step is solved for again: a step cut short, or damped until it
-        stays inside, is a wall that no search gets along.
-        """
-        border = np.full(len(self.x), np.inf)
-        border[: self.joints] = _FARTHEST
-        held = np.zeros(len(self.x), bool)
-        move = np.zeros(len(self.x))
-        while True:
-            free = ~held
-            against = moment[free] + scaled[np.ix_(free, held)] @ move[held]
-            try:
-                move[free] = -np.linalg.solve(scaled[np.ix_(free, free)], against)
-            except np.linalg.LinAlgError:
-                return np.full_like(move, np.inf)
-            beyond = free & (np.abs(self.x + move) > border)
-            if not beyond.any():
-                return move
-            move[beyond] = np.sign(move[beyond]) * border[beyond] - self.x[beyond]
-            held |= beyond
-
     def theta(self, x: np.ndarray) -> np.ndarray:
         """Values of each recording."""
         return self.layout.base + self.layout.T @ x
+
+
+def step_within(
+    normal: np.ndarray, moment: np.ndarray, x: np.ndarray, border: np.ndarray
+) -> np.ndarray:
+    """The step of least squares; values that would go beyond a border stop there.
+
+    What is left of the step is solved for again: a step that is cut short, or damped until it
+    stays inside, is a wall that no search gets along.
+
+    Parameters
+    ----------
+    normal : (n, n) array
+        Second derivatives.
+    moment, x : (n,) array
+        Gradient, and where it is.
+    border : (n,) array
+        Largest magnitude of each value.
+
+    Returns
+    -------
+    (n,) array
+        Infinite where there is no solution.
+    """
+    held = np.zeros(len(x), bool)
+    move = np.zeros(len(x))
+    while True:
+        free = ~held
+        against = moment[free] + normal[np.ix_(free, held)] @ move[held]
+        try:
+            move[free] = -np.linalg.solve(normal[np.ix_(free, free)], against)
+        except np.linalg.LinAlgError:
+            return np.full_like(move, np.inf)
+        beyond = free & (np.abs(x + move) > border)
+        if not beyond.any():
+            return move
+        move[beyond] = np.sign(move[beyond]) * border[beyond] - x[beyond]
+        held |= beyond
 
 
 def _leaping(hypothesis: Hypothesis, layout: _Layout) -> np.ndarray:
