@@ -29,9 +29,12 @@ _FIRST, _SECOND, _THIRD = 12, 6, 3
 # Something is missing when the evidence for it exceeds that for nothing by this. The model's
 # own errors, of integration for instance, may be worth this share of the squared residual.
 _LEAST_GAIN, _INDULGENCE = 12.0, 0.06
-# Squared residual over the noise's from which on something else may be missing too, how many
-# times a second suspect has to lessen it, and by how much evidence.
-_MISFIT, _FALL, _SECOND_GAIN = 1.3, 3.0, 15.0
+# Squared residual over the noise's from which on a suspect is not all there is: other joints are
+# tried from there on.
+_MISFIT = 1.3
+# The same from which on a second suspect is looked for, how many times it has to lessen what is
+# more than a right model leaves, and by how much evidence.
+_TWO, _FALL, _RIGHT, _SECOND_GAIN = 1.15, 3.0, 0.9, 15.0
 # Times the best cost from which on a polish is given up: what is left needs no last digit;
 _HOPELESS_RACE = 30.0
 # and until which the nominal model may catch up with its best rival.
@@ -484,7 +487,8 @@ def _doubled(search: Search, base: Entry, entries: list[Entry], grounds: Grounds
     if not entries or not _missing(base, entries[0]) or not grounds.in_time():
         return entries
     first = entries[0]
-    if first.fitted.cost < _MISFIT * values_measured(search) or first.search is not search:
+    count = values_measured(search)
+    if first.fitted.cost < _TWO * count or first.search is not search:
         return entries
     if first.fitted.hypothesis.drifting is not None:
         return entries
@@ -500,6 +504,7 @@ def _doubled(search: Search, base: Entry, entries: list[Entry], grounds: Grounds
         return entries
     best = min(pairs, key=lambda each: each.cost)
     table = evidence(search, [first.fitted, best])
-    if best.cost * _FALL > first.fitted.cost or table.values[1] - table.values[0] < _SECOND_GAIN:
+    before, after = (each.cost - _RIGHT * count for each in (first.fitted, best))
+    if _FALL * after > before or table.values[1] - table.values[0] < _SECOND_GAIN:
         return entries
     return [Entry(search, best), *entries]
