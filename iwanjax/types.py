@@ -17,7 +17,7 @@ from iwanjax.errors import InputError, PrecisionError
 ArrayLike: TypeAlias = npt.ArrayLike | Array
 """What becomes an array: a number, nested sequences, a NumPy or a JAX array."""
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 Scalar: TypeAlias = float | Array
 """A number, or an array of numbers when a batch of parameter sets is carried."""
@@ -57,7 +57,7 @@ def require_double_precision(what: str) -> None:
         )
 
 
-def compiled_for_one_call(function: Function) -> Function:
+def compiled_for_one_call(function: _Function) -> _Function:
     """``equinox.filter_jit`` without the compiler's optimisations.
 
     For kernels that are compiled and called about once: they compile in two thirds of the

@@ -11,7 +11,6 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from iwanjax.errors import InputError
-from iwanjax.types import compiled_for_one_call
 from iwanjax.updating.parameters import Chart
 from iwanjax.updating.problem import AbstractProblem
 
@@ -41,7 +40,7 @@ class Search(NamedTuple):
     converged: Bool[Array, " runs"]
 
 
-@compiled_for_one_call
+@eqx.filter_jit
 def search(problem: AbstractProblem, draws: Float[Array, "starts parameters"], runs: int) -> Search:
     """Improve all starts, then run Levenberg-Marquardt from some of them.
 
