@@ -64,7 +64,7 @@ def columns_of(solution: "FitSolution", held_out: Sequence[ModalCurves] = ()) ->
         line = _smooth(solution, (*solution.measured, *held_out))
         explained = (*solution.predicted, *theirs)
         return [Column(solution.measured, tuple(held_out), explained, line, shift)]
-    deviations = _deviations(solution)
+    _, deviations = _with_deviations(solution)
     columns = []
     for curve, predicted, part in zip(
         solution.measured, solution.predicted, solution.problem.measured.slices, strict=True
@@ -101,33 +101,35 @@ def _smooth(solution: "FitSolution", hits: Sequence[ModalCurves]) -> ModalCurves
     q = np.concatenate([np.asarray(hit.as_quantity("displacement").amplitude) for hit in hits])
     q = q[np.isfinite(q)]
     at = jnp.asarray(np.geomspace(q.min() / _BEYOND, q.max() * _BEYOND, _LEVELS))
-    f, zeta = solution.model.ringdown_frequency_and_damping(at)
-    f_std, zeta_std = _deviations(solution, at)
+    (f, zeta), (f_std, zeta_std) = _with_deviations(solution, at)
     line = ModalCurves(
         at, f, zeta, frequency_std=f_std, damping_std=zeta_std, quantity="displacement"
     )
     return line.as_quantity(hits[0].quantity, hits[0].unit)
 
 
-def _deviations(solution: "FitSolution", q: Array | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Deviations of a prediction from those of the parameters, linearised.
+def _with_deviations(
+    solution: "FitSolution", q: Array | None = None
+) -> tuple[tuple[Array, Array], tuple[np.ndarray, np.ndarray]]:
+    """A prediction, and its deviations from those of the parameters, linearised.
 
     Not by draws from the parameters' normal: along the curved ridges of what the data leave
     open these would leave the ridge, and the band would show what the data do exclude.
     """
     problem = solution.problem
     theta = jnp.asarray([p.value for p in solution.parameters])
-    f, zeta = (np.asarray(slope) for slope in _slopes(problem, theta, q))
+    predicted, slopes = _prediction(problem, theta, q)
+    f, zeta = (np.asarray(slope) for slope in slopes)
     if problem.reference == "shift":
         f = f - _common(
-            problem, f if q is None else np.asarray(_slopes(problem, theta, None)[0]), q
+            problem, f if q is None else np.asarray(_prediction(problem, theta, None)[1][0]), q
         )
     covariance = np.asarray(solution.covariance)
     f_std, zeta_std = (
         np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slope, covariance, slope), 0.0))
         for slope in (f, zeta)
     )
-    return f_std, zeta_std
+    return predicted, (f_std, zeta_std)
 
 
 def _common(problem: "AbstractProblem", slopes: np.ndarray, q: Array | None) -> np.ndarray:
@@ -144,17 +146,22 @@ def _common(problem: "AbstractProblem", slopes: np.ndarray, q: Array | None) -> 
 
 
 @compiled_for_one_call
-def _slopes(problem: "AbstractProblem", theta: Array, q: Array | None) -> tuple[Array, Array]:
-    """Derivatives of frequency and damping, at displacements or the measured amplitudes."""
+def _prediction(
+    problem: "AbstractProblem", theta: Array, q: Array | None
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Frequency and damping at displacements or the measured amplitudes, and derivatives."""
 
-    def predict(theta: Array) -> tuple[Array, Array]:
+    def predict(theta: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         if q is None:
-            return problem.predict(theta)
-        model = problem.model(theta)
-        assert isinstance(model, ModalOscillator)
-        return model.ringdown_frequency_and_damping(q)
+            predicted = problem.predict(theta)
+        else:
+            model = problem.model(theta)
+            assert isinstance(model, ModalOscillator)
+            predicted = model.ringdown_frequency_and_damping(q)
+        return predicted, predicted
 
-    return jax.jacfwd(predict)(theta)
+    slopes, predicted = jax.jacfwd(predict, has_aux=True)(theta)
+    return predicted, slopes
 
 
 def _ordered(predicted: ModalCurves, f_std: np.ndarray, zeta_std: np.ndarray) -> ModalCurves:

@@ -112,6 +112,8 @@ class FitEntry:
     fit_picture, posterior_picture : bytes, optional
         :func:`~iwanjax.plot_fit` and :func:`~iwanjax.plot_posterior` of these as PNG, where
         they have been drawn already.
+    measured_pictures : tuple of (str, bytes), optional
+        The same of :func:`measured_pictures`.
     """
 
     name: str
@@ -123,6 +125,7 @@ class FitEntry:
     posterior: Posterior | None = None
     fit_picture: bytes | None = None
     posterior_picture: bytes | None = None
+    measured_pictures: tuple[tuple[str, bytes], ...] | None = None
 
     def __post_init__(self) -> None:
         """Take plain tuples for held-out hits."""
@@ -242,15 +245,33 @@ def _figures(entry: FitEntry) -> list[tuple[str, bytes]]:
                 entry.posterior_picture,
             ),
         ]
-    merged = entry.merged
-    hits = [r.curves for r in entry.ringdowns]
+    measured = entry.measured_pictures
+    if measured is None:
+        measured = measured_pictures(entry.ringdowns, entry.merged)
+    return [*found, *measured, *_joint_figures(s)]
+
+
+def measured_pictures(
+    ringdowns: Sequence[RingDown], merged: MergedCurves | None
+) -> tuple[tuple[str, bytes], ...]:
+    """Captions and pictures of what a fit rests on: the hits, and the first decay.
+
+    Parameters
+    ----------
+    ringdowns : sequence of RingDown
+        The decays behind the curves; the first is drawn.
+    merged : MergedCurves or None
+        The hits in one curve.
+    """
+    found = []
+    hits = [r.curves for r in ringdowns]
     if merged is not None:
         caption = "Every hit, their common curve, and where a further hit would lie."
         found.append(_pictured(caption, lambda: plot_merged(merged)))
     elif 0 < len(hits) <= _MOST_HITS:
         found.append(_pictured("The hits with their deviations.", lambda: plot_curves(hits)))
-    if entry.ringdowns:
-        first = entry.ringdowns[0]
+    if ringdowns:
+        first = ringdowns[0]
         name = first.curves.name
         caption = (
             f"The decay of {name} as it was analysed, band-pass "
@@ -258,7 +279,7 @@ def _figures(entry: FitEntry) -> list[tuple[str, bytes]]:
             else "The first decay as it was analysed, band-pass "
         ) + f"{first.band[0]:g} to {first.band[1]:g} Hz."
         found.append(_pictured(caption, lambda: plot_ringdown(first)))
-    return found + _joint_figures(s)
+    return tuple(found)
 
 
 def _joint_figures(solution: FitSolution) -> list[tuple[str, bytes]]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import OptimizeWarning, curve_fit
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
@@ -101,6 +100,7 @@ def _exponent(
     s: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float
 ) -> tuple[float, float, float]:
     """Exponent, its deviation and the remainder of y = y_0 + sign a s^n."""
+    from scipy.optimize import OptimizeWarning, curve_fit  # here: a second to import
 
     def law(x: np.ndarray, y_0: float, a: float, n: float) -> np.ndarray:
         return y_0 + sign * a * x**n

@@ -1,6 +1,7 @@
 """The verb ``fit``: joint parameters from a study's recordings."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +9,12 @@ import numpy as np
 
 from iwanjax.config import Study
 from iwanjax.plotting import plot_fit
-from iwanjax.report.fit import FitEntry, fit_report
+from iwanjax.report.fit import FitEntry, fit_report, measured_pictures
+from iwanjax.signals.hilbert import RingDown
+from iwanjax.signals.merge import MergedCurves
 from iwanjax.updating import FitSolution
 from iwanjax.verbs.fitted import Fitted, fits
-from iwanjax.verbs.measured import measured_modes
+from iwanjax.verbs.measured import MeasuredMode, measured_modes
 from iwanjax.verbs.output import (
     curve_arrays,
     file_names,
@@ -22,16 +25,33 @@ from iwanjax.verbs.output import (
     write_json,
 )
 
+Pictures = tuple[tuple[str, bytes], ...]
+"""Captions, and PNG."""
+
 
 def run(study: Study, out: Path) -> list[str]:
     """Write fit.json, fit.npz, pictures and report.html; lines for the screen."""
-    found = fits(study, measured_modes(study))
+    found, measured = fits_and_pictures(study)
     with results(out) as folder:
         pictures = write_fits(study, found, folder)
-        page = fit_report(study.name, entries(found, pictures))
+        page = fit_report(study.name, entries(found, pictures, measured))
         (folder / "report.html").write_text(page, encoding="utf-8")
     lines = [line for each in found for line in screen_lines(each)]
     return [*lines, f"wrote {out / 'report.html'}"]
+
+
+def fits_and_pictures(study: Study) -> tuple[tuple[Fitted, ...], list[Pictures]]:
+    """A study's fits, and for each the pictures of what was measured.
+
+    These are drawn while the kernels of the fit are compiled, which leaves the interpreter
+    alone.
+    """
+    modes = measured_modes(study)
+    each = [[mode] for mode in modes] if study.structure is None else [modes]
+    with ThreadPoolExecutor(1) as other:
+        drawn = other.submit(lambda: [measured_pictures(*_shown(fitted)) for fitted in each])
+        found = fits(study, modes)
+    return found, drawn.result()
 
 
 def write_fits(study: Study, found: Sequence[Fitted], folder: Path) -> list[bytes]:
@@ -55,25 +75,30 @@ def write_fits(study: Study, found: Sequence[Fitted], folder: Path) -> list[byte
     return pictures
 
 
-def entries(found: Sequence[Fitted], pictures: Sequence[bytes]) -> list[FitEntry]:
+def entries(
+    found: Sequence[Fitted], pictures: Sequence[bytes], measured: Sequence[Pictures]
+) -> list[FitEntry]:
     """A study's fits for its report, with their pictures."""
-    rows = []
-    for each, picture in zip(found, pictures, strict=True):
-        mode = each.modes[0]
-        single = len(each.modes) == 1
-        ringdowns = tuple(hit.ringdown for hit in mode.hits if hit.ringdown is not None)
-        rows.append(
-            FitEntry(
-                each.name,
-                each.solution,
-                ringdowns if single else (),
-                mode.merged if single else None,
-                each.exponents,
-                each.held_out,
-                fit_picture=picture,
-            )
+    return [
+        FitEntry(
+            each.name,
+            each.solution,
+            *_shown(each.modes),
+            each.exponents,
+            each.held_out,
+            fit_picture=picture,
+            measured_pictures=drawn,
         )
-    return rows
+        for each, picture, drawn in zip(found, pictures, measured, strict=True)
+    ]
+
+
+def _shown(modes: Sequence[MeasuredMode]) -> tuple[tuple[RingDown, ...], MergedCurves | None]:
+    """What is drawn of the measurements behind a fit: of a single mode only."""
+    if len(modes) != 1:
+        return (), None
+    mode = modes[0]
+    return tuple(hit.ringdown for hit in mode.hits if hit.ringdown is not None), mode.merged
 
 
 def screen_lines(each: Fitted) -> list[str]:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,20 +71,26 @@ def _modal(study: Study, mode: MeasuredMode) -> Fitted:
     curves = _of_one_quantity(mode)
     parameters = study.parameters(mode.name, modal_parameters(kind, curves))
     settings = study.fit
-    solution = fit(
-        kind,
-        curves,
-        parameters,
-        reference=settings.reference,
-        starts=settings.starts,
-        seed=settings.seed,
-    )
+    with ThreadPoolExecutor(1) as other:
+        exponents = other.submit(_exponents, curves)
+        solution = fit(
+            kind,
+            curves,
+            parameters,
+            reference=settings.reference,
+            starts=settings.starts,
+            seed=settings.seed,
+        )
     seconds = time.perf_counter() - start
+    predictions = _predictions(solution, mode)
+    return Fitted(mode.name, (mode,), solution, exponents.result(), predictions, seconds)
+
+
+def _exponents(curves: tuple[ModalCurves, ...]) -> Exponents | None:
     try:
-        exponents = free_exponents(curves)
+        return free_exponents(curves)
     except InputError:
-        exponents = None
-    return Fitted(mode.name, (mode,), solution, exponents, _predictions(solution, mode), seconds)
+        return None
 
 
 def _of_one_quantity(mode: MeasuredMode) -> tuple[ModalCurves, ...]:

@@ -11,9 +11,7 @@ from iwanjax.plotting import plot_posterior
 from iwanjax.report.fit import fit_report
 from iwanjax.updating import Posterior
 from iwanjax.updating.sampling import sample_posterior
-from iwanjax.verbs.fit import entries, write_fits
-from iwanjax.verbs.fitted import fits
-from iwanjax.verbs.measured import measured_modes
+from iwanjax.verbs.fit import entries, fits_and_pictures, write_fits
 from iwanjax.verbs.output import file_names, results, save, version, write_arrays, write_json
 
 
@@ -23,7 +21,7 @@ def run(study: Study, out: Path) -> list[str]:
     The chains (posterior_MODE.h5) are kept in the folder while they grow, so that the same
     command goes on where it was interrupted.
     """
-    found = fits(study, measured_modes(study))
+    found, measured = fits_and_pictures(study)
     labels = file_names(each.name for each in found)
     with results(out) as folder:
         posteriors = [
@@ -39,7 +37,7 @@ def run(study: Study, out: Path) -> list[str]:
         pictures = write_fits(study, found, folder)
         arrays: dict[str, np.ndarray] = {}
         for label, posterior, entry in zip(
-            labels, posteriors, entries(found, pictures), strict=True
+            labels, posteriors, entries(found, pictures, measured), strict=True
         ):
             drawn = save(plot_posterior(posterior), folder / f"posterior_{label}.png")
             rows.append(replace(entry, posterior=posterior, posterior_picture=drawn))
