@@ -137,8 +137,8 @@ def diagnose(
     )
     table = competition.run(search, grounds, seed)
     progress("predicting the held-out recordings")
-    before = sides.free(table.nominal, seed, floor=False)
-    after = sides.free(table.best, seed, floor=True)
+    before = sides.free(table.nominal)
+    after = sides.free(table.best)
     what = _suspects(table) if table.detected else []
     differing: tuple[Observable, ...] = ()
     restoring = None
@@ -236,12 +236,10 @@ class _Sides:
         held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
         return cls(taken(order), order, tuple((taken(those), those) for those in held))
 
-    def free(self, entry: Entry, seed: int, floor: bool) -> tuple[Free, Free | None]:
+    def free(self, entry: Entry) -> tuple[Free, Free | None]:
         """Free runs against both."""
         found = [
-            free_run(entry.search, entry.fitted, batches, self.order, floor, seed)
-            if batches
-            else None
+            free_run(entry.search, entry.fitted, batches, self.order) if batches else None
             for batches in ([(self.fitted, self.order)], self.held)
         ]
         assert found[0] is not None

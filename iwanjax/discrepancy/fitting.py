@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from iwanjax.discrepancy.measured import DIRECTIONS
 from iwanjax.discrepancy.search import Hypothesis, Search, Start, drifting_values, free_values
@@ -117,21 +118,32 @@ def _layout(search: Search, start: Start) -> tuple[_Layout, np.ndarray]:
     return _Layout(np.tile(base, (R, 1)), T, np.array(precision)), np.array(x)
 
 
-class _Seen(NamedTuple):
+class Seen(NamedTuple):
+    """Residuals at some values, recording by recording.
+
+    Attributes
+    ----------
+    misfit, moment, normal, residual
+        As of :class:`Reduced`: its cost, moment, normal and e.
+    slopes : array
+        Its J.
+    """
+
     misfit: np.ndarray
     moment: np.ndarray
     normal: np.ndarray
     residual: np.ndarray
+    slopes: Array
 
 
 def evaluate(
     search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
-) -> list[_Seen]:
+) -> list[Seen]:
     """Residuals and their reduced derivatives, for (hypothesis, theta of each recording)."""
     means = np.stack([theta.mean(axis=0) for _, theta in lanes])
     gains = search.gains([h.suspects for h, _ in lanes], means, cycles)
 
-    def run(i: int) -> _Seen:
+    def run(i: int) -> Seen:
         hypothesis, theta = lanes[i]
         found = reduced(
             search.predictor,
@@ -142,8 +154,8 @@ def evaluate(
             jnp.asarray(gains.slope[i]),
             search.data,
         )
-        e, cost, moment, normal = (np.asarray(x) for x in found)
-        return _Seen(cost, moment, normal, e)
+        e, cost, moment, normal = (np.asarray(x) for x in found[:4])
+        return Seen(cost, moment, normal, e, found.J)
 
     # The first alone where the kernel is yet to be compiled: two would both do it.
     slots = lanes[0][0].suspects.row.shape[0]
@@ -163,7 +175,7 @@ class _Lane:
     joints: int
     count: int
     x: np.ndarray
-    seen: _Seen
+    seen: Seen
     tau: float = 1.0
     damping: float = _DAMPING
     active: bool = True

@@ -8,10 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.fitting import Fitted, evaluate
-from iwanjax.discrepancy.measured import DIRECTIONS, Prepared
+from iwanjax.discrepancy.measured import Prepared
 from iwanjax.discrepancy.search import Search, drifting_values
-
-_DRAWS = 8
 
 
 class Free(NamedTuple):
@@ -55,8 +53,6 @@ def free_run(
     fitted: Fitted,
     batches: Sequence[tuple[Prepared, Sequence[int]]],
     order: Sequence[int],
-    floor: bool,
-    seed: int,
 ) -> Free:
     """A fitted model against recordings, integrated from rest under the measured forces.
 
@@ -71,12 +67,8 @@ def free_run(
         a joint's drift is told.
     order : sequence of int
         Places of the recordings that were fitted.
-    floor : bool
-        Whether the forces' noise is carried through; else only the sensors' counts.
-    seed : int
-        Of the draws.
     """
-    parts = [_free(search, fitted, each, places, order, floor, seed) for each, places in batches]
+    parts = [_free(search, fitted, each, places, order) for each, places in batches]
     return Free(
         tuple(name for part in parts for name in part.names),
         np.concatenate([part.error for part in parts]),
@@ -91,8 +83,6 @@ def _free(
     those: Prepared,
     places: Sequence[int],
     order: Sequence[int],
-    floor: bool,
-    seed: int,
 ) -> Free:
     here = replace(search, data=those.data)
     count = len(those.names)
@@ -101,19 +91,12 @@ def _free(
     rows = search.still(np.stack([theta[min(i, count - 1)] for i in range(R)]))
     weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
     safe = np.where(weight > 0, weight, np.inf)
-    e = evaluate(here, [(fitted.hypothesis, rows)], math.inf)[0].residual[:count] / safe
+    (seen,) = evaluate(here, [(fitted.hypothesis, rows)], math.inf)
     own = np.sum(np.where(weight > 0, those.noise[:, None, :] ** 2, 0.0), axis=(1, 2))
-    if floor:
-        random = np.random.default_rng(seed)
-        kicked = [rows.copy() for _ in range(_DRAWS)]
-        for each in kicked:
-            each[:, fitted.values :] = random.standard_normal((R, DIRECTIONS))
-        found = evaluate(here, [(fitted.hypothesis, t) for t in (rows, *kicked)], math.inf)
-        base = found[0].residual[:count]
-        for each in found[1:]:
-            moved = (each.residual[:count] - base) / safe
-            own = own + np.sum(moved**2, axis=(1, 2)) / _DRAWS
-    return Free(those.names, e, np.where(weight > 0, y, 0.0), own)
+    # What the forces' noise does to the state after the pulse, of deviation 1 each.
+    kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]
+    own = own + np.sum(kicked**2, axis=(1, 2, 3))
+    return Free(those.names, seen.residual[:count] / safe, np.where(weight > 0, y, 0.0), own)
 
 
 def _expected(

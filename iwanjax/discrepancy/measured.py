@@ -124,20 +124,20 @@ def prepared(
     rows, noises, warnings = [], [], []
     for each in recordings:
         _check(each)
-        force = cleaned(each.force)
-        noise = np.where(np.isnan(known_noise), _noise(each.response, force.first), known_noise)
-        rms = np.sqrt(np.mean(each.response**2, axis=0))
+        response, force = each.response.astype(float), cleaned(each.force.astype(float))
+        noise = np.where(np.isnan(known_noise), _noise(response, force.first), known_noise)
+        rms = np.sqrt(np.mean(response**2, axis=0))
         deviation = np.sqrt(noise**2 + (_MODEL_ERROR * rms) ** 2)
         weight = 1.0 / np.sqrt(deviation**2 + _felt(made, modal, force) ** 2)
         weight[:_SPOILT] = weight[-_SPOILT:] = 0.0
-        missing = (0, length - len(each.response))
+        missing = (0, length - len(response))
         kick = np.zeros(length)
-        kick[min(force.last + 1, len(each.response) - 1)] = 1.0
+        kick[min(force.last + 1, len(response) - 1)] = 1.0
         push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))))
         rows.append(
             (
                 push,
-                np.pad(each.response, (missing, (0, 0))),
+                np.pad(response, (missing, (0, 0))),
                 np.pad(weight, (missing, (0, 0))),
                 kick,
                 _unsure(made, modal, force),

@@ -4,6 +4,7 @@ A compiled kernel serves every hypothesis: which kind of force acts at which pla
 sensor is at fault, are arrays, not code.
 """
 
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -164,20 +165,63 @@ class Predictor(eqx.Module):
 
         ``gain`` of zeros is the free run.
         """
+        return self._run(joints, suspects, values, gain, data, lambda motion: None)[0]
+
+    def motions(
+        self,
+        joints: tuple[AbstractJoint, ...],
+        suspects: Suspects,
+        values: Values,
+        gain: Float[Array, "states sensors"],
+        data: Data,
+    ) -> Motion:
+        """What the suspects' places do meanwhile, (N substeps, slots); of dt as many."""
+        motion = self._run(joints, suspects, values, gain, data, lambda motion: motion)[1]
+        return Motion(*(x.reshape(-1, *x.shape[2:]) for x in motion))
+
+    def _run(
+        self,
+        joints: tuple[AbstractJoint, ...],
+        suspects: Suspects,
+        values: Values,
+        gain: Array,
+        data: Data,
+        kept: Callable[[Motion], Any],
+    ) -> tuple[Array, Any]:
+        """Innovations, and what is kept of the places' motion at each step."""
         run = _Run.of(self, joints, suspects, values, data.push)
         kick = data.unsure @ values.state
 
-        def sample(at: _State, measured: tuple[Array, ...]) -> tuple[_State, Array]:
+        def step(at: _State, felt: Array) -> tuple[_State, Any]:
+            at, motion = run.step(at, felt)
+            return at, kept(motion)
+
+        def sample(at: _State, measured: tuple[Array, ...]) -> tuple[_State, tuple[Array, Any]]:
             push, felt, y, kicked = measured
             # A loop, not unrolled: half the time to compile, and no slower.
-            at = jax.lax.scan(lambda at, f: (run.step(at, f), None), at, felt)[0]
+            at, motion = jax.lax.scan(step, at, felt)
             at = at._replace(z=at.z + kicked * kick)
             seen = jnp.concatenate([run.seen(at, push), at.seen[:-1]])
             e = y - run.chained(seen)
-            return at._replace(z=at.z + gain @ e, seen=seen), e
+            return at._replace(z=at.z + gain @ e, seen=seen), (e, motion)
 
         measured = (data.push[:, -1], run.felt, data.response, data.kick)
         return jax.lax.scan(sample, run.rest(), measured)[1]
+
+    def pushed(
+        self, row: Float[Array, " modes"], force: Float[Array, " steps"]
+    ) -> Float[Array, "N substeps states"]:
+        """What a force at a place, known at the end of each step, does as a push of the data."""
+        now, last, before = force, jnp.roll(force, 1).at[0].set(0.0), jnp.roll(force, 2)
+        before = before.at[:2].set(0.0)
+        through = (last, 0.5 * (now - before), 0.5 * (now + before) - last)
+        kept, left = row[: self.kept], row[self.kept :]
+        q, v = (
+            sum(jnp.outer(c, on(b, kept)) for c, b in zip(through, each, strict=True))
+            for each in (self.by.q_by, self.by.v_by)
+        )
+        made = jnp.concatenate([q, v, jnp.outer(now, kept), jnp.outer(now, left)], axis=1)
+        return made.reshape(-1, self.substeps, made.shape[1])
 
     def observation(self, rows: Array, late: Array) -> Array:
         """What sensors see of modes, forces, and how far the last forces were off."""
@@ -353,27 +397,28 @@ class _Run(NamedTuple):
             jnp.zeros((_DELAY_NODES, predictor.sensors.shape[0])),
         )
 
-    def step(self, at: _State, felt: Array) -> _State:
-        """Over one step, with what the measured force does over it."""
+    def step(self, at: _State, felt: Array) -> tuple[_State, Motion]:
+        """Over one step, with what the measured force does over it; and what places do."""
         r, m = self.by.kept, self.mobility.shape[0]
         new = self.onward @ jnp.concatenate([at.z, at.g]) + felt
         z, expected, d, rate, a = jnp.split(new, np.cumsum([2 * r, m, m, m]))
-        e, joints, memory = self._forces(d, rate, a, at, expected)
+        n = self.by.joints.shape[0]
+        motion = Motion(d[n:], rate[n:], a, d[n:] - at.d[n:], self.by.dt)
+        e, joints, memory = self._forces(d[:n], rate[:n], motion, at, expected)
         g = jnp.concatenate([expected + e, at.g[: 2 * m], e])
-        return _State(z, g, d, joints, memory, at.seen)
+        return _State(z, g, d, joints, memory, at.seen), motion
 
     def _forces(
-        self, d: Array, v: Array, a: Array, at: _State, expected: Array
+        self, d: Array, v: Array, motion: Motion, at: _State, expected: Array
     ) -> tuple[Array, tuple[Any, ...], Array]:
         """Pseudo-forces less the expected ones, and what joints and suspects remember."""
         predictor, n = self.by, self.by.joints.shape[0]
-        reaction = self.elements.step(d[:n], v[:n], predictor.dt, at.joints)
-        off = predictor.stiffness * d[:n] - reaction.force - expected[:n]
+        reaction = self.elements.step(d, v, predictor.dt, at.joints)
+        off = predictor.stiffness * d - reaction.force - expected[:n]
         slope = (predictor.stiffness - reaction.stiffness)[:, None] * self.compliance[:n, :n]
         slope = slope - reaction.damping[:, None] * self.mobility[:n, :n]
         J = jnp.eye(n) - slope
         e = jnp.stack(solve_general([[J[i, j] for j in range(n)] for i in range(n)], list(off)))
-        motion = Motion(d[n:], v[n:], a, d[n:] - at.d[n:], predictor.dt)
         total, inertia, memory = jnp.zeros_like(self.size), jnp.zeros_like(self.size), []
         for i, kind in enumerate(predictor.kinds):
             unit, kept = kind.unit_force(motion, self.shape, at.memory[:, i])
@@ -404,13 +449,29 @@ class _Run(NamedTuple):
 def _chain(suspects: Suspects, size: Array, shape: Array) -> tuple[Array, Array]:
     """Weights of the last samples in what each sensor shows, and the largest that it can."""
     gain, delay = (jnp.sum(size[:, None] * suspects.chain[:, i], axis=0) for i in range(2))
-    late = jnp.clip(delay, 0.0, LONGEST_DELAY)
+    weight = _delayed(jnp.clip(delay, 0.0, LONGEST_DELAY))
+    largest = jnp.sum(shape[:, None] * suspects.chain[:, 2], axis=0)
+    return (1.0 + gain) * weight, jnp.where(largest > 0, largest, jnp.inf)
+
+
+def _delayed(late: Array) -> Array:
+    """Weights of the last samples in one that is late by so many, (nodes, ...)."""
     nodes = range(_DELAY_NODES)
     others = np.array([[j for j in nodes if j != i] for i in nodes])
     apart = np.arange(_DELAY_NODES)[:, None] - others
-    weight = jnp.prod((late[:, None, None] - others) / apart, axis=-1)
-    largest = jnp.sum(shape[:, None] * suspects.chain[:, 2], axis=0)
-    return (1.0 + gain) * weight.T, jnp.where(largest > 0, largest, jnp.inf)
+    return jnp.moveaxis(jnp.prod((late[..., None, None] - others) / apart, axis=-1), -1, 0)
+
+
+def change_by_delay(shown: Float[np.ndarray, "recordings N sensors"]) -> np.ndarray:
+    """What sensors would show more for each sample that they are late, from rest."""
+    slopes = np.asarray(jax.jacfwd(_delayed)(jnp.zeros(())))
+    early = np.pad(shown, [(0, 0), (_DELAY_NODES - 1, 0), (0, 0)])
+    length = shown.shape[1]
+    first = _DELAY_NODES - 1
+    return sum(
+        (slope * early[:, first - j : first - j + length] for j, slope in enumerate(slopes)),
+        np.zeros_like(shown),
+    )
 
 
 def predictor(

@@ -1,26 +1,21 @@
 """Which suspects would explain what the joints cannot."""
 
 import math
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy import suspicion
-from iwanjax.discrepancy.catalogue import ForceKind, JointKind, Kind, SensorKind
+from iwanjax.discrepancy.catalogue import JointKind, Kind, SensorKind
 from iwanjax.discrepancy.fitting import Fitted, evaluate
 from iwanjax.discrepancy.places import Place
-from iwanjax.discrepancy.prediction import LONGEST_DELAY, Suspects
 from iwanjax.discrepancy.search import Search, Start, drifting_values, free_values
-from iwanjax.discrepancy.sensitivity import columns
+from iwanjax.discrepancy.trials import trials
 
-# Suspects that a kernel takes at once, and kernels that run at once.
-_LANES, _THREADS = 8, 2
-# Shares of the largest value a sensor showed, where it may have been cut.
-_LIMITS = (0.98, 0.7)
+# Share of the largest value a sensor showed, where it may have been cut: noise lies above.
+_LIMIT = 0.98
 
 
 class Candidate(NamedTuple):
@@ -71,54 +66,48 @@ def screen(
     list of Candidate
         For each kind and place the best shape, the largest drop first.
     """
-    p, R = search.parameters, search.recordings
-    z = base.theta.mean(axis=0)[:p]
-    single = _forces(search, kinds, places, z) + _sensors(search, kinds, sensors, z)
+    p = search.parameters
+    z, states = base.theta.mean(axis=0)[:p], base.theta[:, base.values :]
     others = [base.start] if base.hypothesis.kinds else []
-    trials = [suspicion.joined(search, [*others, trial]) for trial in single]
-    blank = suspicion.joined(search, [*others, Start(search.nothing(), np.append(z, [0.0, 0.0]))])
-    gain = search.gains([blank.hypothesis.suspects], blank.theta[None], base.cycles).gain[0]
-    states = base.theta[:, base.values :]
-    eye = np.eye(len(blank.theta) + states.shape[1])
+    (seen,) = evaluate(search, [(base.hypothesis, base.theta)], base.cycles)
     shared = free_values(search, base.hypothesis)
-    own = [*shared, *range(len(blank.theta), len(eye))]
-    # A size's derivative at zero, whatever its parameter: the new ones are as they are here.
-    suspects = [blank.hypothesis.suspects] * len(own) + [_plain(trial) for trial in trials]
-    values = [blank.theta] * len(own) + [_at_zero(trial) for trial in trials]
-    thetas = [np.hstack([np.tile(each, (R, 1)), states]) for each in values]
-    size = len(blank.theta) - 2
-    made = _columns(search, suspects, thetas, [*eye[own], *(eye[size] for _ in trials)], gain)
-    f = len(shared)
-    known = made[:f].reshape(f, R, -1)
-    explained = _explained(search, made[: len(own)].reshape(len(own), R, -1), f)
+    slopes = np.moveaxis(np.asarray(seen.slopes), 1, 0)
+    slopes = slopes.reshape(*slopes.shape[:2], -1)
+    known = slopes[shared]
+    explained = _explained(search, np.concatenate([known, slopes[base.values :]]), len(shared))
     basis, _ = np.linalg.qr(explained)
     whole = np.concatenate([base.residual.ravel(), z, states.ravel()])
     rest = len(whole) - base.residual.size
     left = whole - basis @ (basis.T @ whole)
     total = float(left @ left)
-    best: dict[tuple[str, ...], Candidate] = {}
+    best: dict[tuple[str, str], tuple[float, Callable[[], Start]]] = {}
 
-    def propose(start: Start, drop: float) -> None:
-        key = start.hypothesis.variant
-        if key not in best or drop > best[key].drop:
-            best[key] = Candidate(suspicion.joined(search, [*others, start]), drop)
+    def propose(kind: Kind, where: str, drop: float, start: Callable[[], Start]) -> None:
+        # Two forms of one name stand side by side.
+        key = (f"{kind.name}@{where}", getattr(kind, "variant", ""))
+        if key not in best or drop > best[key][0]:
+            best[key] = (drop, start)
 
-    for trial, column in zip(single, made[len(own) :].reshape(len(single), -1), strict=True):
-        h = np.concatenate([column, np.zeros(rest)])
+    for trial in trials(search, base, kinds, places, sensors):
+        h = np.concatenate([trial.column, np.zeros(rest)])
         h = h - basis @ (basis.T @ h)
         square = float(h @ h)
         if not math.isfinite(square) or square <= 0:
             continue
         size = -float(h @ left) / square
-        proposed = _sized(search, trial, size, sensors)
-        if proposed is not None:
-            propose(proposed, float(h @ left) ** 2 / square / total)
+        if size != 0 and not (trial.kind.positive and size < 0):
+            drop = float(h @ left) ** 2 / square / total
+            propose(trial.kind, trial.where, drop, partial(trial.sized, size))
     if not others:
-        for each in _drifts(search, kinds, joints, known, explained, whole, total, z):
-            propose(*each)
-        for each in _limits(search, base, kinds, sensors, z):
-            propose(*each)
-    return sorted(best.values(), key=lambda each: -each.drop)
+        ready = _drifts(search, kinds, joints, known, explained, whole, total, z)
+        ready += _limits(search, base, kinds, sensors, z)
+        for start, drop in ready:
+            (kind,), (where,) = start.hypothesis.kinds, start.hypothesis.where
+            propose(kind, where, drop, lambda start=start: start)
+    return [
+        Candidate(suspicion.joined(search, [*others, start()]), drop)
+        for drop, start in sorted(best.values(), key=lambda each: -each[0])
+    ]
 
 
 def _explained(search: Search, made: np.ndarray, shared: int) -> np.ndarray:
@@ -134,88 +123,6 @@ def _explained(search: Search, made: np.ndarray, shared: int) -> np.ndarray:
     prior[:p, :p] = np.eye(p)
     prior[p:, shared:] = np.eye(R * k)
     return np.vstack([columns, prior])
-
-
-def _forces(
-    search: Search, kinds: Sequence[Kind], places: Sequence[Place], z: np.ndarray
-) -> list[Start]:
-    return [
-        suspicion.force(search, kind, place.label, place.row, z, 1.0, shape)
-        for kind in kinds
-        if isinstance(kind, ForceKind)
-        for place in places
-        for shape in (kind.shapes(place.scales) if kind.shape else (1.0,))
-    ]
-
-
-def _sensors(
-    search: Search, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
-) -> list[Start]:
-    return [
-        suspicion.sensor(search, kind, i, label, z, 1.0)
-        for kind in kinds
-        if isinstance(kind, SensorKind) and kind.acts != "limit" and kind.fixed is None
-        for i, label in enumerate(sensors)
-    ]
-
-
-def _at_zero(trial: Start) -> np.ndarray:
-    """Values with no size of the last suspect; its shape as it is."""
-    theta = trial.theta.copy()
-    theta[-2] = 0.0
-    return theta
-
-
-def _plain(trial: Start) -> Suspects:
-    """Suspects, the size of the last one as it is."""
-    suspects = trial.hypothesis.suspects
-    return suspects._replace(logarithmic=suspects.logarithmic.at[-1].set(0.0))
-
-
-def _columns(
-    search: Search,
-    suspects: Sequence[Suspects],
-    values: Sequence[np.ndarray],
-    along: Sequence[np.ndarray],
-    gain: np.ndarray,
-) -> np.ndarray:
-    """Derivatives of the residuals, (lanes, recordings x N x sensors)."""
-
-    def run(first: int) -> np.ndarray:
-        own = range(first, min(first + _LANES, len(suspects)))
-        padded = [*own, *[own[-1]] * (_LANES - len(own))]
-        some = [suspects[i] for i in padded]
-        found = columns(
-            search.predictor,
-            search.joints,
-            jax.tree.map(lambda *x: jnp.stack(x), *some),
-            jnp.asarray(np.stack([values[i] for i in padded])),
-            jnp.asarray(np.stack([along[i] for i in padded])),
-            jnp.asarray(gain),
-            search.data,
-        )
-        return np.asarray(found)[: len(own)].reshape(len(own), -1)
-
-    first = run(0)
-    with ThreadPoolExecutor(_THREADS) as pool:
-        rest = list(pool.map(run, range(_LANES, len(suspects), _LANES)))
-    return np.concatenate([first, *rest])
-
-
-def _sized(search: Search, trial: Start, size: float, sensors: Sequence[str]) -> Start | None:
-    """The trial at the size asked for; None where that means nothing."""
-    (kind,), (where,) = trial.hypothesis.kinds, trial.hypothesis.where
-    z, shape = trial.theta[:-2], math.exp(trial.theta[-1])
-    if isinstance(kind, SensorKind):
-        if kind.positive and size <= 0:
-            return None
-        size = min(size, 0.5 * LONGEST_DELAY) if kind.acts == "delay" else size
-        return suspicion.sensor(search, kind, sensors.index(where), where, z, size)
-    assert isinstance(kind, ForceKind)
-    if size == 0 or (kind.positive and size < 0):
-        return None
-    row = np.asarray(trial.hypothesis.suspects.row[0])
-    return suspicion.force(search, kind, where, row, z, size, shape)
 
 
 def _drifts(
@@ -260,10 +167,8 @@ def _limits(
             continue
         for i, label in enumerate(sensors):
             if kind.acts == "limit":
-                starts += [
-                    suspicion.sensor(search, kind, i, label, z, share * float(largest[i]))
-                    for share in _LIMITS
-                ]
+                limit = _LIMIT * float(largest[i])
+                starts.append(suspicion.sensor(search, kind, i, label, z, limit))
             elif kind.fixed is not None:
                 starts.append(suspicion.sensor(search, kind, i, label, z, 0.0))
     if not starts:

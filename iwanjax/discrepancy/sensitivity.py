@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.discrepancy.catalogue import Motion
 from iwanjax.discrepancy.prediction import Data, Predictor, Suspects, Values
 from iwanjax.joints import AbstractJoint, ParameterInfo
 from iwanjax.types import Scalar
@@ -129,12 +130,15 @@ class Reduced(NamedTuple):
         J^T e.
     normal : (recordings, directions, directions) array
         J^T J.
+    J : (recordings, directions, N, sensors) array
+        The derivatives.
     """
 
     e: Float[Array, "recordings N sensors"]
     cost: Float[Array, " recordings"]
     moment: Float[Array, "recordings directions"]
     normal: Float[Array, "recordings directions directions"]
+    J: Float[Array, "recordings directions N sensors"]
 
 
 def split(theta: Array, parameters: int, slots: int) -> Values:
@@ -182,34 +186,105 @@ def reduced(
 
         # The residual itself is worked out once for all directions.
         e, J = jax.vmap(along, out_axes=(None, 0))(jnp.eye(theta.shape[0]), slope)
-        J = J.reshape(theta.shape[0], -1)
         e = jnp.where(jnp.isfinite(e), e, _BROKEN * (data.weight > 0))
         J = jnp.where(jnp.isfinite(J), J, 0.0)
-        return Reduced(e, jnp.sum(e**2), J @ e.ravel(), J @ J.T)
+        flat = J.reshape(theta.shape[0], -1)
+        return Reduced(e, jnp.sum(e**2), flat @ e.ravel(), flat @ flat.T, J)
+
+    return jax.vmap(one)(theta, data)
+
+
+class Small(NamedTuple):
+    """Small forces and faults of sensors, one to a lane.
+
+    Attributes
+    ----------
+    row : (lanes, modes) array
+        Where the force acts.
+    force : (lanes, recordings, steps) array
+        What it opposes the motion with at the end of each step.
+    fault : (lanes, 2, sensors) array
+        Error of each sensor's gain, and samples that it is late.
+    shown : (recordings, 2, N, sensors) array
+        What the sensors show, and its change by a delay of one sample.
+    """
+
+    row: Float[Array, "lanes modes"]
+    force: Float[Array, "lanes recordings steps"]
+    fault: Float[Array, "lanes 2 sensors"]
+    shown: Float[Array, "recordings 2 N sensors"]
+
+
+@eqx.filter_jit
+def unit_forces(
+    predictor: Predictor,
+    joints: tuple[Joint, ...],
+    suspects: Suspects,
+    rows: Float[Array, "places modes"],
+    shapes: tuple[Float[Array, "places grid"], ...],
+    theta: Float[Array, "recordings values"],
+    gain: Float[Array, "states sensors"],
+    data: Data,
+) -> tuple[Float[Array, "recordings steps places grid"], ...]:
+    """Of each kind, the force that it would have at each place if it were of size 1.
+
+    ``suspects`` are those that act already. ``shapes`` has a grid for each of the predictor's
+    kinds; a kind with an empty one is left out.
+    """
+    parameters = sum(len(joint.given.parameters) for joint in joints)
+    slots, places = suspects.row.shape[0], rows.shape[0]
+    watched = Suspects(
+        jnp.concatenate([suspects.row, rows]),
+        *(jnp.pad(x, [(0, places), *[(0, 0)] * (x.ndim - 1)]) for x in suspects[1:]),
+    )
+
+    def one(theta: Array, data: Data) -> tuple[Array, ...]:
+        values = split(theta, parameters, slots)
+        made = joints_at(joints, values.z)
+        values = values._replace(suspects=jnp.pad(values.suspects, [(0, places), (0, 0)]))
+        moved = predictor.motions(made, watched, values, gain, data)
+        d, v, a, change = (x[:, slots:, None] for x in (moved.d, moved.v, moved.a, moved.moved))
+        at_places = Motion(d, v, a, change, moved.dt)
+
+        def step(memory: tuple[Array, ...], motion: Motion) -> tuple[Any, tuple[Array, ...]]:
+            found = [
+                jnp.broadcast_arrays(*kind.unit_force(motion, shape, kept), shape)[:2]
+                for kind, shape, kept in zip(predictor.kinds, shapes, memory, strict=True)
+            ]
+            return tuple(kept for _, kept in found), tuple(unit for unit, _ in found)
+
+        return jax.lax.scan(step, tuple(jnp.zeros(s.shape) for s in shapes), at_places)[1]
 
     return jax.vmap(one)(theta, data)
 
 
 @eqx.filter_jit
-def columns(
+def responses(
     predictor: Predictor,
     joints: tuple[Joint, ...],
     suspects: Suspects,
-    theta: Float[Array, "lanes recordings values"],
-    along: Float[Array, "lanes values"],
+    small: Small,
+    theta: Float[Array, "recordings values"],
     gain: Float[Array, "states sensors"],
     data: Data,
 ) -> Float[Array, "lanes recordings N sensors"]:
-    """Derivatives of the residuals along one direction of each lane's values."""
+    """What small forces and faults of sensors would change in the residuals."""
     parameters = sum(len(joint.given.parameters) for joint in joints)
-    slots = suspects.row.shape[1]
+    slots = suspects.row.shape[0]
 
-    def one(suspects: Suspects, theta: Array, along: Array, data: Data) -> Array:
-        def residual(theta: Array) -> Array:
-            values = split(theta, parameters, slots)
-            return _weighted(predictor, joints, suspects, values, gain, data)
+    def one(theta: Array, force: Array, shown: Array, data: Data) -> Array:
+        values = split(theta, parameters, slots)
 
-        return jax.jvp(residual, (theta,), (along,))[1]
+        def residual(push: Array, response: Array) -> Array:
+            moved = data._replace(push=push, response=response)
+            return _weighted(predictor, joints, suspects, values, gain, moved)
 
-    each = jax.vmap(one, in_axes=(None, 0, None, 0))
-    return jax.vmap(each, in_axes=(0, 0, 0, None))(suspects, theta, along, data)
+        def along(row: Array, force: Array, fault: Array) -> Array:
+            # A sensor that shows more is as one that has measured less.
+            moved = (-predictor.pushed(row, force), -jnp.sum(fault[:, None] * shown, axis=0))
+            return jax.jvp(residual, (data.push, data.response), moved)[1]
+
+        return jax.vmap(along)(small.row, force, small.fault)
+
+    each = jax.vmap(one, in_axes=(0, 1, 0, 0), out_axes=1)
+    return each(theta, small.force, small.shown, data)

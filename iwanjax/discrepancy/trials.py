@@ -1,0 +1,183 @@
+"""Every suspect at size zero: what a little of it would change in the residuals."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.discrepancy import suspicion
+from iwanjax.discrepancy.catalogue import ForceKind, Kind, SensorKind
+from iwanjax.discrepancy.fitting import Fitted
+from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.prediction import LONGEST_DELAY, change_by_delay
+from iwanjax.discrepancy.search import Search, Start
+from iwanjax.discrepancy.sensitivity import Small, responses, unit_forces
+
+# Suspects that a kernel takes at once, and kernels that run at once.
+_LANES, _THREADS = 16, 2
+# What small errors of a sensor are: of its gain, or of its time.
+_SMALL = ("gain", "delay")
+
+
+class Trial(NamedTuple):
+    """A suspect of one shape.
+
+    Attributes
+    ----------
+    kind, where
+        What and at which place or sensor.
+    sized : function
+        Of a size, where to begin with it.
+    column : (recordings x N x sensors,) array
+        Change of the residuals for size 1, linearised at zero.
+    """
+
+    kind: ForceKind | SensorKind
+    where: str
+    sized: Callable[[float], Start]
+    column: np.ndarray
+
+
+class _Lane(NamedTuple):
+    """A trial before it is tried."""
+
+    kind: ForceKind | SensorKind
+    where: str
+    sized: Callable[[float], Start]
+    row: np.ndarray
+    force: np.ndarray
+    fault: np.ndarray
+
+
+def trials(
+    search: Search,
+    base: Fitted,
+    kinds: Sequence[Kind],
+    places: Sequence[Place],
+    sensors: Sequence[str],
+) -> Iterator[Trial]:
+    """Forces of all kinds at all places, and errors of all sensors.
+
+    The model is linearised once, about what it predicts with the joints as fitted: a force is
+    then one that is known beforehand, and a fault one of what was measured.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    base : Fitted
+        The model with its joints refitted, and the suspects found so far.
+    kinds : sequence of Kind
+        To be tried.
+    places : sequence of Place
+        Where forces may act.
+    sensors : sequence of str
+        Labels.
+    """
+    # Without suspects no slot either: a slot costs as much as a joint, whatever is in it.
+    acting = bool(base.hypothesis.kinds)
+    suspects = base.hypothesis.suspects if acting else search.empty(0)
+    p = search.parameters
+    values, states = base.theta[:, : base.values if acting else p], base.theta[:, base.values :]
+    mean = base.theta.mean(axis=0)[: base.values]
+    gain = search.gains([base.hypothesis.suspects], mean[None], base.cycles, slopes=False).gain[0]
+    fixed = (search.predictor, search.joints, suspects)
+    at = (jnp.asarray(np.hstack([values, states])), jnp.asarray(gain), search.data)
+    z = mean[:p]
+    lanes = [
+        *_forces(
+            search, kinds, places, z, lambda rows, shapes: unit_forces(*fixed, rows, shapes, *at)
+        ),
+        *_faults(search, kinds, sensors, z),
+    ]
+    shown = jnp.asarray(_shown(search, base))
+
+    def run(first: int) -> np.ndarray:
+        own = lanes[first : first + _LANES]
+        padded = [*own, *[own[-1]] * (_LANES - len(own))]
+        small = Small(
+            jnp.asarray(np.stack([lane.row for lane in padded])),
+            jnp.asarray(np.stack([lane.force for lane in padded])),
+            jnp.asarray(np.stack([lane.fault for lane in padded])),
+            shown,
+        )
+        found = responses(*fixed, small, *at)
+        return np.asarray(found).reshape(_LANES, -1)[: len(own)]
+
+    # The first alone, for two would both compile the kernel.
+    first = run(0)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        columns = [first, *pool.map(run, range(_LANES, len(lanes), _LANES))]
+    for lane, column in zip(lanes, np.concatenate(columns), strict=True):
+        yield Trial(lane.kind, lane.where, lane.sized, column)
+
+
+def _forces(
+    search: Search,
+    kinds: Sequence[Kind],
+    places: Sequence[Place],
+    z: np.ndarray,
+    unit: Callable[[Array, tuple[Array, ...]], tuple[Array, ...]],
+) -> list[_Lane]:
+    """Forces of size 1, of all shapes on the catalogue's small grids."""
+    grids = [_grid(kind, places) if kind in kinds else [] for kind in search.predictor.kinds]
+    widest = [max(map(len, grid), default=0) for grid in grids]
+    padded = tuple(
+        jnp.asarray([[*row, *[row[-1]] * (w - len(row))] for row in grid]).reshape(len(places), w)
+        for grid, w in zip(grids, widest, strict=True)
+    )
+    rows = np.stack([place.row for place in places])
+    blank = np.zeros((len(_SMALL), len(search.noise)))
+    forces = map(np.asarray, unit(jnp.asarray(rows), padded))
+    return [
+        _Lane(
+            kind,
+            place.label,
+            partial(suspicion.force, search, kind, place.label, place.row, z, shape=shape),
+            place.row,
+            force[:, :, i, j],
+            blank,
+        )
+        for kind, grid, force in zip(search.predictor.kinds, grids, forces, strict=True)
+        for i, (place, shapes) in enumerate(zip(places, grid, strict=bool(grid)))
+        for j, shape in enumerate(shapes)
+    ]
+
+
+def _grid(kind: ForceKind, places: Sequence[Place]) -> list[tuple[float, ...]]:
+    """Shapes to be tried at each place."""
+    return [kind.shapes(place.scales) if kind.shape else (1.0,) for place in places]
+
+
+def _faults(
+    search: Search, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
+) -> list[_Lane]:
+    """Errors of the sensors' gains, and delays."""
+    row = np.zeros(search.predictor.joints.shape[1])
+    still = np.zeros((search.recordings, search.data.push.shape[1] * search.predictor.substeps))
+
+    def begun(kind: SensorKind, i: int, label: str, size: float) -> Start:
+        size = min(size, 0.5 * LONGEST_DELAY) if kind.acts == "delay" else size
+        return suspicion.sensor(search, kind, i, label, z, size)
+
+    lanes = []
+    for kind in kinds:
+        if not isinstance(kind, SensorKind) or kind.acts not in _SMALL or kind.fixed is not None:
+            continue
+        for i, label in enumerate(sensors):
+            fault = np.zeros((len(_SMALL), len(sensors)))
+            fault[_SMALL.index(kind.acts), i] = 1.0
+            lanes.append(_Lane(kind, label, partial(begun, kind, i, label), row, still, fault))
+    return lanes
+
+
+def _shown(search: Search, base: Fitted) -> np.ndarray:
+    """What the sensors show as predicted, and its change by a delay; as measured where unknown."""
+    weight = np.asarray(search.data.weight)
+    known = np.where(weight > 0, weight, 1.0)
+    shown = np.asarray(search.data.response) - base.residual / known
+    return np.stack([shown, change_by_delay(shown)], axis=1)
