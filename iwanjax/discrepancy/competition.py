@@ -20,6 +20,8 @@ from iwanjax.joints import Iwan4
 # Memories of the observer, cycles: the first two find, the others polish.
 MIDDLE, LONG = 8.0, (40.0, math.inf)
 _STEPS, _POLISH = 12, 15
+# Relative gain that is worth another step while many suspects are still in the race.
+_ROUGH = 1e-2
 # Starts of the joints; how many suspects are tried from other joints, how many of these, and the
 # memory to begin with.
 _STARTS = 4
@@ -228,6 +230,7 @@ def _first(
         _begun(search, list(chosen.values())),
         SHORT,
         _STEPS,
+        tolerance=_ROUGH,
         race=_RACE,
         in_time=grounds.in_time,
     )
@@ -444,9 +447,10 @@ def _renominated(
 ) -> Fitted:
     """The nominal model from the joints of the best suspects as well."""
     p = search.parameters
+    near = nominal.cost < _FAR * _least(nominal, entries).cost
     starts = [
         Start(search.nothing(), np.append(entry.fitted.theta.mean(axis=0)[:p], [0.0, 0.0]))
-        for entry in entries[:_THIRD]
+        for entry in entries[: _THIRD if near else 1]
         if entry.search is search
     ]
     found = fit_all(

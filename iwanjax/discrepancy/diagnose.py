@@ -11,6 +11,7 @@ import numpy as np
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.competition import Entry, Grounds
+from iwanjax.discrepancy.evidence import untried
 from iwanjax.discrepancy.fitting import evaluate
 from iwanjax.discrepancy.held_out import Free, free_run
 from iwanjax.discrepancy.measured import Prepared, Transient, prepared
@@ -31,7 +32,7 @@ from iwanjax.types import ArrayLike, require_double_precision
 # Steps between samples.
 _SUBSTEPS = 2
 # Error over the noise's from which on something is left unexplained.
-_UNEXPLAINED = 1.5
+_UNEXPLAINED = 1.25
 # Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
 # worth that much.
 _OTHER_UNITS = 100.0
@@ -139,7 +140,9 @@ def diagnose(
     progress("predicting the held-out recordings")
     before = sides.free(table.nominal)
     after = sides.free(table.best)
-    what = _suspects(table) if table.detected else []
+    fitted = after[0]
+    unknown = untried(fitted.relative / fitted.floor)
+    what = _suspects(table, 1.0 - unknown) if table.detected else []
     differing: tuple[Observable, ...] = ()
     restoring = None
     if table.detected and grounds.in_time():
@@ -159,10 +162,11 @@ def diagnose(
         warnings.append(
             "What was added does not predict the held-out recordings better: take it as a hint"
         )
-    warnings += _left(after[0], table.detected)
+    warnings += _left(fitted, table.detected, unknown)
     return Diagnosis(
         detected=table.detected,
-        probability_nothing_missing=table.probability_of_nothing,
+        probability_nothing_missing=(1.0 - unknown) * table.probability_of_nothing,
+        probability_something_else=unknown,
         what=tuple(what),
         before=Errors(*(_relative(x) for x in before)),
         after=Errors(*(_relative(x) for x in after)),
@@ -179,19 +183,19 @@ def diagnose(
     )
 
 
-def _left(fitted: Free, detected: bool) -> list[str]:
+def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
     """What to think of a residual that stays well above the noise."""
     ratio = fitted.relative / fitted.floor
     if ratio < _UNEXPLAINED:
         return []
     if detected:
-        advice = (
-            "so something else is missing as well, or what is missing is only like this: "
-            "probabilities are among what was tried"
-        )
+        advice = "so something else is missing as well, or what is missing is only like this"
     else:
         advice = "but nothing that was tried explains it"
-    return [f"The fitted recordings are still {ratio:.2g} times the noise off, {advice}"]
+    return [
+        f"The fitted recordings are still {ratio:.2g} times the noise off, {advice} "
+        f"(probability {unknown:.2f})"
+    ]
 
 
 def _require_same_units(search: Search, quantity: Quantity) -> None:
@@ -293,8 +297,11 @@ def _joined(runs: tuple[Free, Free | None]) -> Free:
     )
 
 
-def _suspects(table: competition.Table) -> list[Suspect]:
-    """One row for every suspect of the best entry, then those of its rivals."""
+def _suspects(table: competition.Table, tried: float) -> list[Suspect]:
+    """One row for every suspect of the best entry, then those of its rivals.
+
+    ``tried`` is the probability that the truth is among them.
+    """
     rows = []
     for entry in table.entries:
         labels = [
@@ -310,7 +317,7 @@ def _suspects(table: competition.Table) -> list[Suspect]:
                 Suspect(
                     kind,
                     where,
-                    table.probability(entry),
+                    tried * table.probability(entry),
                     entry.behind,
                     estimates(entry.search, entry.fitted, slot),
                     tuple(label for label in labels if label != labels[slot]),

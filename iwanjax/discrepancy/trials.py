@@ -176,8 +176,12 @@ def _faults(
 
 
 def _shown(search: Search, base: Fitted) -> np.ndarray:
-    """What the sensors show as predicted, and its change by a delay; as measured where unknown."""
+    """What the sensors show as predicted, and its change by a delay.
+
+    Nothing at the ends, where it is not compared: the structure is still at rest, or it is over.
+    """
     weight = np.asarray(search.data.weight)
-    known = np.where(weight > 0, weight, 1.0)
-    shown = np.asarray(search.data.response) - base.residual / known
+    used = weight > 0
+    predicted = np.asarray(search.data.response) - base.residual / np.where(used, weight, 1.0)
+    shown = np.where(used, predicted, 0.0)
     return np.stack([shown, change_by_delay(shown)], axis=1)

@@ -24,7 +24,7 @@ class Suspect(NamedTuple):
     where : str
         Label of the place, sensor or joint.
     probability : float
-        Among all that were tried, and nothing.
+        Among all that were tried, nothing, and something that was not tried.
     log_evidence : float
         Of the data with it, less that of the best.
     parameters : tuple of Estimate
@@ -79,6 +79,8 @@ class Diagnosis:
         Whether something is missing.
     probability_nothing_missing : float
         By evidence.
+    probability_something_else : float
+        That the truth is not among what was tried, by what the best of it leaves.
     what : tuple of Suspect
         By probability; the first is the verdict. Empty when nothing is missing.
     before, after, noise_floor : Errors
@@ -106,6 +108,7 @@ class Diagnosis:
 
     detected: bool
     probability_nothing_missing: float
+    probability_something_else: float
     what: tuple[Suspect, ...]
     before: Errors
     after: Errors

@@ -133,6 +133,7 @@ def told(study: str, verdict: Diagnosis) -> dict[str, Any]:
         "iwanjax": version(),
         "detected": verdict.detected,
         "probability_nothing_missing": verdict.probability_nothing_missing,
+        "probability_something_else": verdict.probability_something_else,
         "what": [
             {
                 "kind": each.kind.name,
