@@ -157,7 +157,8 @@ def test_derivatives_are_those_of_finite_differences():
 def test_a_little_of_a_suspect_changes_what_the_linearised_model_says(
     cycles, forces, faults, acting
 ):
-    shown = 1.0 - predicted(search(np.ones((N, 2)), 2)[0])
+    free, _ = search(np.ones((N, 2)), 2)
+    shown = np.where(np.asarray(free.data.weight)[0] > 0, 1.0 - predicted(free), 0.0)
     made, Phi = search(1.1 * shown + 1e-3 * RNG.standard_normal((N, 2)), 2, names=forces)
     start = Start(made.nothing(), np.array([0.2, -0.3, 0.1, 0.4, 0.0, 0.0]))
     if acting:
@@ -178,7 +179,7 @@ def test_a_little_of_a_suspect_changes_what_the_linearised_model_says(
         little = suspicion.joined(made, [start, little]) if acting else little
         after = evaluate(made, [(little.hypothesis, made.still(little.theta))], cycles)[0]
         change = (after.residual - before).ravel() / size
-        assert np.linalg.norm(change - each.column) < 1e-2 * np.linalg.norm(each.column)
+        assert np.linalg.norm(change - each.column) < 2e-3 * np.linalg.norm(each.column)
 
 
 def test_a_small_delay_shows_what_was_a_little_earlier():
@@ -186,7 +187,7 @@ def test_a_small_delay_shows_what_was_a_little_earlier():
     shown = np.sin(2.0 * np.pi * 12.0 * t)[None, :, None] * np.ones((2, 1, 3))
     slope = change_by_delay(shown)
     expected = -2.0 * np.pi * 12.0 / 400.0 * np.cos(2.0 * np.pi * 12.0 * t)
-    np.testing.assert_allclose(slope[1, 10:, 2], expected[10:], atol=1e-7)
+    np.testing.assert_allclose(slope[1, 10:, 2], expected[10:], rtol=0.0, atol=1e-6)
 
 
 def test_mass_at_a_place_is_mass_in_the_model():
