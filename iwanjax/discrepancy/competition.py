@@ -1,25 +1,33 @@
 """Hypotheses against one another: from a screening of all to free runs of the last few."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy import suspicion
-from iwanjax.discrepancy.catalogue import ForceKind, JointKind, Kind
 from iwanjax.discrepancy.evidence import evidence, shares, values_measured
 from iwanjax.discrepancy.fitting import SHORT, Fitted, evaluate, fit_all
-from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.joint_faults import with_joint_faults
+from iwanjax.discrepancy.rounds import (
+    MIDDLE,
+    MISFIT,
+    RACE,
+    STEPS,
+    Entry,
+    Grounds,
+    again,
+    cost_of,
+    least,
+    placed,
+)
 from iwanjax.discrepancy.screen import Candidate, screen
 from iwanjax.discrepancy.search import Search, Start
 from iwanjax.discrepancy.verdict import Score
-from iwanjax.joints import Iwan4
 
-# Memories of the observer, cycles: the first two find, the others polish.
-MIDDLE, LONG = 8.0, (40.0, math.inf)
-_STEPS, _POLISH = 12, 15
+# Memories of the observer to polish with, in cycles.
+_LONG = (40.0, math.inf)
 # Relative gain that is worth another step while many suspects are still in the race.
 _ROUGH = 1e-2
 # Starts of the joints; how many suspects are tried from other joints, how many of these, and the
@@ -31,76 +39,19 @@ _FIRST, _SECOND, _THIRD = 12, 6, 3
 # Something is missing when the evidence for it exceeds that for nothing by this. The model's
 # own errors, of integration for instance, may be worth this share of the squared residual.
 _LEAST_GAIN, _INDULGENCE = 12.0, 0.06
-# Squared residual over the noise's from which on a suspect is not all there is: other joints are
-# tried from there on.
-_MISFIT = 1.3
-# The same from which on a second suspect is looked for, how many times it has to lessen what is
-# more than a right model leaves, and by how much evidence.
+# Squared residual over the noise's from which on a second suspect is looked for, how many times
+# it has to lessen what is more than a right model leaves, and by how much evidence.
 _TWO, _FALL, _RIGHT, _SECOND_GAIN = 1.15, 3.0, 0.9, 15.0
-# Times the best cost from which on a polish is given up: what is left needs no last digit;
-_HOPELESS_RACE = 30.0
-# and until which the nominal model may catch up with its best rival.
+# Times the best cost until which the nominal model may catch up with its best rival.
 _OUT_OF_SIGHT = 100.0
 # Drop of the first in a screening from which on no other screening is needed.
 _CLEAR = 0.8
 # Squared residual over the noise's from which on the joints as given are looked from as well.
 _FAR = 3.0
-# Share of the best one's drop from which on a suspect is worth a refit; costs that are the same;
-# and times the best cost from which on a search is given up.
-_HOPELESS, _SAME, _RACE = 0.15, 1.02, 10.0
+# Share of the best one's drop from which on a suspect is worth a refit; costs that are the same.
+_HOPELESS, _SAME = 0.15, 1.02
 # Evidence that a screening has to promise before a suspect is refitted.
 _LEAST_PROMISE = 3.0
-# Ratios of kinetic to static friction to begin with.
-_THETAS = (0.7, 0.4)
-# Places where a whole joint is tried, and how many starts; slips to begin with, of the largest
-# deflection, or of a slider's own.
-_JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
-_LIKE_A_JOINT = {"viscoelastic", "coulomb_friction"}
-
-
-@dataclass(frozen=True, eq=False)
-class Grounds:
-    """What may be suspected, and how long there is time.
-
-    Attributes
-    ----------
-    kinds : tuple of Kind
-        To be tried.
-    places : tuple of Place
-        Where forces may act.
-    sensors, joints : tuple of str
-        Labels.
-    in_time : function
-        False when it is time to stop.
-    progress : function
-        Told of every stage.
-    """
-
-    kinds: tuple[Kind, ...]
-    places: tuple[Place, ...]
-    sensors: tuple[str, ...]
-    joints: tuple[str, ...]
-    in_time: Callable[[], bool]
-    progress: Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """A hypothesis in the competition.
-
-    Attributes
-    ----------
-    search : Search
-        That fits it.
-    fitted : Fitted
-        As far as it got.
-    behind : float
-        Log evidence less that of the best of its last round.
-    """
-
-    search: Search
-    fitted: Fitted
-    behind: float = 0.0
 
 
 class Table(NamedTuple):
@@ -156,23 +107,23 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         screened.append(_screened(search, fit_all(search, [given], SHORT, 0)[0], grounds))
     grounds.progress("refitting suspects")
     entries = _first(search, nominal, screened, grounds)
-    near = [e for e in entries[:_SECOND] if e.fitted.cost < _RACE * entries[0].fitted.cost]
+    near = [e for e in entries[:_SECOND] if e.fitted.cost < RACE * entries[0].fitted.cost]
     shorts = entries
-    entries = _again(near, entries[len(near) :], MIDDLE, grounds)
+    entries = again(near, entries[len(near) :], MIDDLE, grounds)
     entries = _restarted(search, nominal, entries, grounds, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     nominal = _renominated(search, nominal, entries, grounds)
     base, entries = _ranked(Entry(search, nominal), entries)
     entries = _doubled(search, base, entries, grounds)
-    entries = _with_joint_faults(search, nominal, shorts, entries, candidates, grounds)
+    entries = with_joint_faults(search, nominal, shorts, entries, candidates, grounds)
     base, entries = _ranked(base, entries)
     detected = bool(entries) and _missing(base, entries[0])
     grounds.progress("polishing to the free run")
     # Rivals that are far behind stay where they are.
-    close = [e for e in entries[:_THIRD] if e.fitted.cost < _RACE * entries[0].fitted.cost]
+    close = [e for e in entries[:_THIRD] if e.fitted.cost < RACE * entries[0].fitted.cost]
     count = len(close) if detected else 0
-    for cycles in LONG:
-        polished = _again([base, *entries[:count]], [], cycles, grounds)
+    for cycles in _LONG:
+        polished = again([base, *entries[:count]], [], cycles, grounds)
         base = next(e for e in polished if not e.fitted.hypothesis.kinds)
         rest = [e for e in polished if e.fitted.hypothesis.kinds]
         entries = [*rest, *entries[count:]]
@@ -201,12 +152,12 @@ def _nominal(search: Search, grounds: Grounds, seed: int) -> Fitted:
         Start(search.nothing(), np.append(z, [0.0, 0.0]))
         for z in (np.zeros(search.parameters), *draws)
     ]
-    found = fit_all(search, starts, SHORT, _STEPS, race=_RACE, in_time=grounds.in_time)
+    found = fit_all(search, starts, SHORT, STEPS, race=RACE, in_time=grounds.in_time)
     found.sort(key=lambda each: each.cost)
     # Those that came to the same end are one.
     other = [each for each in found[1:] if each.cost > _SAME * found[0].cost]
     starts = [each.start for each in (found[0], *other[:1])]
-    found = fit_all(search, starts, MIDDLE, _STEPS, race=_RACE, in_time=grounds.in_time)
+    found = fit_all(search, starts, MIDDLE, STEPS, race=RACE, in_time=grounds.in_time)
     return min(found, key=lambda each: each.cost)
 
 
@@ -229,12 +180,12 @@ def _first(
         search,
         _begun(search, list(chosen.values())),
         SHORT,
-        _STEPS,
+        STEPS,
         tolerance=_ROUGH,
-        race=_RACE,
+        race=RACE,
         in_time=grounds.in_time,
     )
-    return _placed([Entry(search, each) for each in found])
+    return placed([Entry(search, each) for each in found])
 
 
 def _starts(search: Search, candidate: Candidate, far: bool) -> list[Start]:
@@ -253,29 +204,6 @@ def _begun(search: Search, choices: Sequence[Sequence[Start]]) -> list[Start]:
     return [min(starts, key=lambda _: next(costs)) for starts in choices]
 
 
-def _placed(entries: Sequence[Entry]) -> list[Entry]:
-    """Entries of one round that did not break down, the best first, each with its distance."""
-    entries = [entry for entry in entries if math.isfinite(entry.fitted.cost)]
-    if not entries:
-        return []
-    values = evidence(entries[0].search, [entry.fitted for entry in entries]).values
-    placed = [
-        replace(entry, behind=float(value - values.max()))
-        for entry, value in zip(entries, values, strict=True)
-    ]
-    return sorted(placed, key=_cost)
-
-
-def _least(nominal: Fitted, entries: Sequence[Entry]) -> Fitted:
-    """The best fit with the nominal one's memory."""
-    same = [e.fitted for e in entries if e.fitted.cycles == nominal.cycles]
-    return min([nominal, *same], key=lambda each: each.cost)
-
-
-def _cost(entry: Entry) -> float:
-    return entry.fitted.cost
-
-
 def _restarted(
     search: Search, nominal: Fitted, entries: list[Entry], grounds: Grounds, seed: int
 ) -> list[Entry]:
@@ -283,8 +211,8 @@ def _restarted(
 
     With several joints and a strong suspect most starts end in a local minimum.
     """
-    best = _least(nominal, entries)
-    if best.cost < _MISFIT * values_measured(search) or not entries:
+    best = least(nominal, entries)
+    if best.cost < MISFIT * values_measured(search) or not entries:
         return entries
     grounds.progress("refitting the best suspects from other joints")
     random = np.random.default_rng(seed)
@@ -292,7 +220,7 @@ def _restarted(
     found = list(entries)
     for i, entry in enumerate(entries[:_RESTARTED]):
         start = entry.fitted.start
-        hopeless = entry.fitted.cost > _RACE * best.cost
+        hopeless = entry.fitted.cost > RACE * best.cost
         if start.hypothesis.drifting is not None or hopeless or not grounds.in_time():
             continue
         draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
@@ -301,17 +229,15 @@ def _restarted(
         for some in (starts[:_RESTARTED], starts[_RESTARTED:]):
             # The first few that agree are taken for all.
             if not fits or max(e.cost for e in fits) > _SAME * min(e.cost for e in fits):
-                fits += fit_all(
-                    search, some, _SHORTEST, _STEPS, race=_RACE, in_time=grounds.in_time
-                )
+                fits += fit_all(search, some, _SHORTEST, STEPS, race=RACE, in_time=grounds.in_time)
         fits.sort(key=lambda each: each.cost)
         for cycles in (SHORT, MIDDLE):
             fits = fit_all(
                 search,
                 [each.start for each in fits[:_RESTARTED]],
                 cycles,
-                _STEPS,
-                race=_RACE,
+                STEPS,
+                race=RACE,
                 best=best.cost,
                 in_time=grounds.in_time,
             )
@@ -319,127 +245,7 @@ def _restarted(
         if fits[0].cost < entry.fitted.cost:
             found[i] = replace(entry, fitted=fits[0])
         best = min(best, fits[0], key=lambda each: each.cost)
-    return sorted(found, key=_cost)
-
-
-def _with_joint_faults(
-    search: Search,
-    nominal: Fitted,
-    shorts: Sequence[Entry],
-    entries: list[Entry],
-    candidates: Sequence[Candidate],
-    grounds: Grounds,
-) -> list[Entry]:
-    """Faults that are in the joints as well, where simple forces leave something.
-
-    What looks much like a joint left out has it for a rival in any case.
-    """
-    best = _least(nominal, entries)
-    left = best.cost > _MISFIT * values_measured(search)
-    if not left and not {kind.name for kind in best.hypothesis.kinds} & _LIKE_A_JOINT:
-        return entries
-    known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
-    grounds.progress("refitting joints of other kinds")
-    found = _joints_left_out(search, known, best.cost, grounds, _JOINT_PLACES if left else 1)
-    found += _stuck(search, nominal, best.cost, grounds) if left else []
-    faults = _placed([*shorts, *found])
-    faults = [e for e in faults if all(e.fitted is not short.fitted for short in shorts)]
-    near = [e for e in faults if e.fitted.cost < _RACE * best.cost]
-    others = [e for e in faults if e not in near]
-    return sorted([*entries, *others, *_again(near, [], MIDDLE, grounds)], key=_cost)
-
-
-def _stuck(search: Search, nominal: Fitted, best: float, grounds: Grounds) -> list[Entry]:
-    """Stiction of every joint."""
-    z = nominal.theta.mean(axis=0)[: search.parameters]
-    made = [
-        suspicion.with_stiction(search, kind, j, label, _THETAS, z)
-        for kind in grounds.kinds
-        if isinstance(kind, JointKind) and kind.name == "stiction"
-        for j, label in enumerate(grounds.joints)
-        if type(search.joints[j].given) is Iwan4
-    ]
-    return _best_of_each(made, best, grounds)
-
-
-def _joints_left_out(
-    search: Search, known: Sequence[Start], best: float, grounds: Grounds, most: int
-) -> list[Entry]:
-    """A joint more where the best suspects are."""
-    by_label = {place.label: place for place in grounds.places}
-    labels = dict.fromkeys(start.hypothesis.where[-1] for start in known)
-    places = [by_label[label] for label in labels if label in by_label][:most]
-    made = []
-    for kind in grounds.kinds:
-        if isinstance(kind, JointKind) and kind.name == "iwan_joint":
-            for place in places:
-                guesses = _guesses(search, known, place)
-                if guesses:
-                    made.append(suspicion.with_joint(search, kind, place, guesses))
-    return _best_of_each(made, best, grounds)
-
-
-def _best_of_each(
-    made: Sequence[tuple[Search, list[Start]]], best: float, grounds: Grounds
-) -> list[Entry]:
-    """The best fit of each hypothesis that has a search of its own."""
-    found = []
-    for own, starts in made:
-        if grounds.in_time():
-            fits = fit_all(
-                own, starts, SHORT, _STEPS, race=_RACE, best=best, in_time=grounds.in_time
-            )
-            best = min(best, *(each.cost for each in fits))
-            found.append(Entry(own, min(fits, key=lambda each: each.cost)))
-    return found
-
-
-def _guesses(search: Search, known: Sequence[Start], place: Place) -> list[suspicion.Guess]:
-    """What the best springs and sliders at a place say of a joint there."""
-    found: list[suspicion.Guess] = []
-    for start in known:
-        hypothesis, p = start.hypothesis, search.parameters
-        kind = hypothesis.kinds[-1]
-        alone = len(hypothesis.kinds) == 1 and hypothesis.where[0] == place.label
-        if not isinstance(kind, ForceKind) or not alone:
-            continue
-        z, (size, shape) = start.common[:p], start.common[p:]
-        stiffness = hypothesis.scales[-1] * (math.exp(size) if kind.positive else size)
-        if kind.size.dimension != "force/length" or stiffness <= 0:
-            continue
-        slips = [share * place.scales.deflection for share in _SLIPS]
-        if kind.shape is not None and kind.shape.dimension == "length":
-            slips = [factor * math.exp(shape) for factor in _SLIPPED]
-        found += [suspicion.Guess(stiffness, slip, z) for slip in slips]
-    return found[:_GUESSES]
-
-
-def _again(
-    entries: Sequence[Entry],
-    others: Sequence[Entry],
-    cycles: float,
-    grounds: Grounds,
-) -> list[Entry]:
-    """Entries refitted with another memory, those of one search side by side; then the others."""
-    found: list[Entry] = []
-    groups: dict[tuple[int, int], list[Entry]] = {}
-    for entry in entries:
-        key = (id(entry.search), len(entry.fitted.hypothesis.sizes))
-        groups.setdefault(key, []).append(entry)
-    long = cycles > MIDDLE
-    for group in groups.values():
-        starts = [entry.fitted.start for entry in group]
-        fits = fit_all(
-            group[0].search,
-            starts,
-            cycles,
-            _POLISH if long else _STEPS,
-            tolerance=1e-4 if long else 1e-3,
-            race=_HOPELESS_RACE,
-            in_time=grounds.in_time,
-        )
-        found += [replace(entry, fitted=fit) for entry, fit in zip(group, fits, strict=True)]
-    return [*sorted(found, key=_cost), *others]
+    return sorted(found, key=cost_of)
 
 
 def _renominated(
@@ -447,7 +253,7 @@ def _renominated(
 ) -> Fitted:
     """The nominal model from the joints of the best suspects as well."""
     p = search.parameters
-    near = nominal.cost < _FAR * _least(nominal, entries).cost
+    near = nominal.cost < _FAR * least(nominal, entries).cost
     starts = [
         Start(search.nothing(), np.append(entry.fitted.theta.mean(axis=0)[:p], [0.0, 0.0]))
         for entry in entries[: _THIRD if near else 1]
@@ -457,9 +263,9 @@ def _renominated(
         search,
         starts,
         MIDDLE,
-        _STEPS,
+        STEPS,
         race=_OUT_OF_SIGHT,
-        best=_least(nominal, entries).cost,
+        best=least(nominal, entries).cost,
         in_time=grounds.in_time,
     )
     return min([nominal, *found], key=lambda each: each.cost)
@@ -499,10 +305,10 @@ def _doubled(search: Search, base: Entry, entries: list[Entry], grounds: Grounds
     grounds.progress(f"looking for more beside {first.fitted.hypothesis.label}")
     candidates = _screened(search, first.fitted, grounds)
     starts = [c.start for c in candidates[:_SECOND]]
-    pairs = fit_all(search, starts, SHORT, _STEPS, in_time=grounds.in_time)
+    pairs = fit_all(search, starts, SHORT, STEPS, in_time=grounds.in_time)
     pairs.sort(key=lambda each: each.cost)
     pairs = fit_all(
-        search, [each.start for each in pairs[:_THIRD]], MIDDLE, _STEPS, in_time=grounds.in_time
+        search, [each.start for each in pairs[:_THIRD]], MIDDLE, STEPS, in_time=grounds.in_time
     )
     if not pairs:
         return entries

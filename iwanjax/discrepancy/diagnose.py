@@ -10,7 +10,6 @@ import numpy as np
 
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
-from iwanjax.discrepancy.competition import Entry, Grounds
 from iwanjax.discrepancy.evidence import untried
 from iwanjax.discrepancy.fitting import evaluate
 from iwanjax.discrepancy.held_out import Free, free_run
@@ -19,6 +18,7 @@ from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
 from iwanjax.discrepancy.restoring import restoring_force
+from iwanjax.discrepancy.rounds import Entry, Grounds
 from iwanjax.discrepancy.search import Search
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspicion import estimates

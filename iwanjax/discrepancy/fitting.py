@@ -398,7 +398,12 @@ def fit_all(
 
 def correlation_time(residual: np.ndarray) -> float:
     """Of (recordings, N, sensors) in samples: one plus twice the sum of what is positive."""
-    flat = residual - residual.mean(axis=1, keepdims=True)
+    largest = float(np.max(np.abs(residual)))
+    if not 0.0 < largest < math.inf:
+        return 1.0
+    # In units of the largest: a run that broke down would overflow.
+    flat = residual / largest
+    flat = flat - flat.mean(axis=1, keepdims=True)
     size = 2 * flat.shape[1]
     power = np.abs(np.fft.rfft(flat, size, axis=1)) ** 2
     correlation = np.fft.irfft(power.sum(axis=(0, 2)))[: flat.shape[1] // 4]

@@ -48,24 +48,35 @@ def observer_gain(step: np.ndarray, H: np.ndarray, dt: float, size: float) -> np
     F = np.swapaxes(step, -1, -2)
     G = turned @ H
     P = np.zeros_like(F) + size * np.diag(np.repeat([0.0, dt], states // 2))
-    for _ in range(_DOUBLINGS):
-        inner = np.linalg.solve(eye + G @ P, np.concatenate([F, G], axis=-1))
-        mapped, weighed = inner[..., :states], inner[..., states:]
-        back = np.swapaxes(F, -1, -2)
-        # Symmetric by theory, and kept so.
-        more = back @ P @ mapped
-        more = 0.5 * (more + np.swapaxes(more, -1, -2))
-        G = G + F @ weighed @ back
-        F = F @ mapped
-        P = P + more
-        if not np.all(np.isfinite(P)):
-            break
-        if np.max(np.abs(more)) <= _STILL * np.max(np.abs(P)):
-            break
-    seen = P @ turned
-    return np.swapaxes(
-        np.linalg.solve(H @ seen + np.eye(H.shape[-2]), np.swapaxes(seen, -1, -2)), -1, -2
-    )
+    broken = np.zeros(step.shape[:-2], bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(_DOUBLINGS):
+            inner = _solved(eye + G @ P, np.concatenate([F, G], axis=-1))
+            mapped, weighed = inner[..., :states], inner[..., states:]
+            back = np.swapaxes(F, -1, -2)
+            # Symmetric by theory, and kept so.
+            more = back @ P @ mapped
+            more = 0.5 * (more + np.swapaxes(more, -1, -2))
+            G, F, P = G + F @ weighed @ back, F @ mapped, P + more
+            # One system without a solution is no reason to stop, or to go on, with the others.
+            broken |= ~np.all(np.isfinite(P), axis=(-2, -1))
+            G, F, P = (np.where(broken[..., None, None], 0.0, x) for x in (G, F, P))
+            change, size_now = (np.max(np.abs(x), axis=(-2, -1)) for x in (more, P))
+            if np.all(broken | (change <= _STILL * size_now)):
+                break
+        seen = P @ turned
+        gain = _solved(H @ seen + np.eye(H.shape[-2]), np.swapaxes(seen, -1, -2))
+    return np.swapaxes(np.where(broken[..., None, None], np.nan, gain), -1, -2)
+
+
+def _solved(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Solutions of a stack of systems, NaN for those that have none."""
+    try:
+        return np.linalg.solve(A, B)
+    except np.linalg.LinAlgError:
+        if A.ndim == 2:
+            return np.full_like(B, np.nan)
+        return np.stack([_solved(a, b) for a, b in zip(A, B, strict=True)])
 
 
 def process_noise(step: np.ndarray, H: np.ndarray, dt: float, cycles: float) -> float:

@@ -70,6 +70,13 @@ def test_the_correlation_time_of_white_noise_is_one_and_of_a_first_order_process
     assert correlation_time(slow) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.1)
 
 
+def test_a_run_that_broke_down_has_a_correlation_time():
+    broken = np.random.default_rng(0).standard_normal((1, 5_000, 1)) * 1e200
+    assert correlation_time(broken) == pytest.approx(1.0, abs=0.2)
+    assert correlation_time(np.full((1, 50, 1), np.inf)) == 1.0
+    assert correlation_time(np.zeros((1, 50, 1))) == 1.0
+
+
 def test_a_kernel_of_one_call_computes_the_same():
     def f(x):
         return jnp.sin(x) ** 2 + jnp.exp(-x), "label"

@@ -96,6 +96,18 @@ def test_the_gain_is_the_riccati_equations():
     assert not np.any(observer_gain(step, H, 1e-3, 0.0))
 
 
+def test_a_system_without_a_gain_leaves_the_others_theirs():
+    made, _ = search(np.ones((N, 2)), 1)
+    A, H = made.rest()
+    dt = float(made.predictor.dt)
+    step = stepped(A, dt)
+    alone = observer_gain(step, H / 0.01, dt, 1.0)
+    steps = np.stack([step, 1e200 * step, step, np.nan * step])
+    together = observer_gain(steps, np.stack([H / 0.01] * 4), dt, 1.0)
+    np.testing.assert_allclose(together[::2], np.stack([alone] * 2), rtol=1e-9)
+    assert np.all(np.isnan(together[1::2]))
+
+
 @pytest.mark.parametrize("cycles", [2.0, 30.0])
 def test_the_observers_median_pole_dies_within_the_memory(cycles):
     A = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-900, 100, -0.1, 0], [100, -4e3, 0, -0.2]], float)

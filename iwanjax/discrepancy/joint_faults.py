@@ -1,0 +1,122 @@
+"""Faults that are in the joints as well: one left out, one that sticks."""
+
+import math
+from collections.abc import Sequence
+
+from iwanjax.discrepancy import suspicion
+from iwanjax.discrepancy.catalogue import ForceKind, JointKind
+from iwanjax.discrepancy.evidence import values_measured
+from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
+from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.rounds import (
+    MIDDLE,
+    MISFIT,
+    RACE,
+    STEPS,
+    Entry,
+    Grounds,
+    again,
+    cost_of,
+    least,
+    placed,
+)
+from iwanjax.discrepancy.screen import Candidate
+from iwanjax.discrepancy.search import Search, Start
+from iwanjax.joints import Iwan4
+
+# Ratios of kinetic to static friction to begin with.
+_THETAS = (0.7, 0.4)
+# Places where a whole joint is tried, and how many starts; slips to begin with, of the largest
+# deflection, or of a slider's own.
+_JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
+_LIKE_A_JOINT = {"viscoelastic", "coulomb_friction"}
+
+
+def with_joint_faults(
+    search: Search,
+    nominal: Fitted,
+    shorts: Sequence[Entry],
+    entries: list[Entry],
+    candidates: Sequence[Candidate],
+    grounds: Grounds,
+) -> list[Entry]:
+    """Faults that are in the joints as well, where simple forces leave something.
+
+    What looks much like a joint left out has it for a rival in any case.
+    """
+    best = least(nominal, entries)
+    left = best.cost > MISFIT * values_measured(search)
+    if not left and not {kind.name for kind in best.hypothesis.kinds} & _LIKE_A_JOINT:
+        return entries
+    known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
+    grounds.progress("refitting joints of other kinds")
+    found = _joints_left_out(search, known, best.cost, grounds, _JOINT_PLACES if left else 1)
+    found += _stuck(search, nominal, best.cost, grounds) if left else []
+    faults = placed([*shorts, *found])
+    faults = [e for e in faults if all(e.fitted is not short.fitted for short in shorts)]
+    near = [e for e in faults if e.fitted.cost < RACE * best.cost]
+    others = [e for e in faults if e not in near]
+    return sorted([*entries, *others, *again(near, [], MIDDLE, grounds)], key=cost_of)
+
+
+def _stuck(search: Search, nominal: Fitted, best: float, grounds: Grounds) -> list[Entry]:
+    """Stiction of every joint."""
+    z = nominal.theta.mean(axis=0)[: search.parameters]
+    made = [
+        suspicion.with_stiction(search, kind, j, label, _THETAS, z)
+        for kind in grounds.kinds
+        if isinstance(kind, JointKind) and kind.name == "stiction"
+        for j, label in enumerate(grounds.joints)
+        if type(search.joints[j].given) is Iwan4
+    ]
+    return _best_of_each(made, best, grounds)
+
+
+def _joints_left_out(
+    search: Search, known: Sequence[Start], best: float, grounds: Grounds, most: int
+) -> list[Entry]:
+    """A joint more where the best suspects are."""
+    by_label = {place.label: place for place in grounds.places}
+    labels = dict.fromkeys(start.hypothesis.where[-1] for start in known)
+    places = [by_label[label] for label in labels if label in by_label][:most]
+    made = []
+    for kind in grounds.kinds:
+        if isinstance(kind, JointKind) and kind.name == "iwan_joint":
+            for place in places:
+                guesses = _guesses(search, known, place)
+                if guesses:
+                    made.append(suspicion.with_joint(search, kind, place, guesses))
+    return _best_of_each(made, best, grounds)
+
+
+def _best_of_each(
+    made: Sequence[tuple[Search, list[Start]]], best: float, grounds: Grounds
+) -> list[Entry]:
+    """The best fit of each hypothesis that has a search of its own."""
+    found = []
+    for own, starts in made:
+        if grounds.in_time():
+            fits = fit_all(own, starts, SHORT, STEPS, race=RACE, best=best, in_time=grounds.in_time)
+            best = min(best, *(each.cost for each in fits))
+            found.append(Entry(own, min(fits, key=lambda each: each.cost)))
+    return found
+
+
+def _guesses(search: Search, known: Sequence[Start], place: Place) -> list[suspicion.Guess]:
+    """What the best springs and sliders at a place say of a joint there."""
+    found: list[suspicion.Guess] = []
+    for start in known:
+        hypothesis, p = start.hypothesis, search.parameters
+        kind = hypothesis.kinds[-1]
+        alone = len(hypothesis.kinds) == 1 and hypothesis.where[0] == place.label
+        if not isinstance(kind, ForceKind) or not alone:
+            continue
+        z, (size, shape) = start.common[:p], start.common[p:]
+        stiffness = hypothesis.scales[-1] * (math.exp(size) if kind.positive else size)
+        if kind.size.dimension != "force/length" or stiffness <= 0:
+            continue
+        slips = [share * place.scales.deflection for share in _SLIPS]
+        if kind.shape is not None and kind.shape.dimension == "length":
+            slips = [factor * math.exp(shape) for factor in _SLIPPED]
+        found += [suspicion.Guess(stiffness, slip, z) for slip in slips]
+    return found[:_GUESSES]
