@@ -24,8 +24,8 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     """Prediction errors of every recording, and the evidence for what was tried.
 
     Left, the root mean square of predicted less measured over that of measured in a free run:
-    with the joints refitted, and with what was found added; a dotted line is what noise alone
-    would leave in the held-out ones. Right, where something is missing, how much less likely
+    with the joints refitted, and with what was found added; bars are what noise alone would
+    leave. Right, where something is missing, how much less likely
     each rival makes the data than the first suspect.
 
     Parameters
@@ -53,9 +53,9 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     errors.semilogy(at, both[:, 0], "o", color=PALETTE[0], label="joints refitted")
     if diagnosis.detected:
         errors.semilogy(at, both[:, 1], "s", color=PALETTE[1], label="with what was found")
-    floor = diagnosis.noise_floor.hold_out
-    if np.isfinite(floor):
-        errors.axhline(floor, color=GREY, linestyle=":", linewidth=0.8, label="noise alone")
+    after = diagnosis.runs[1]
+    floor = np.sqrt(after.noise / np.sum(after.measured**2, axis=(1, 2)))
+    errors.semilogy(at, floor, "_", color=GREY, markersize=14, label="noise alone")
     errors.set_xticks(at, names, rotation=30, ha="right")
     errors.set_ylabel("Relative error of prediction (–)")
     figure.legend(loc="outside upper center", ncols=3)
@@ -74,7 +74,11 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
 
 @paper_style()
 def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figure:
-    """Measured against predicted from rest, before and after, with what is left over frequency.
+    """Measured against predicted from rest, before and after: over time, closely, by frequency.
+
+    Left, what was measured and, over it, what each prediction leaves of it; in the middle, the
+    curves themselves where the model before is farthest off; right, the spectra of what was
+    measured and of what is left.
 
     Parameters
     ----------
@@ -111,12 +115,15 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
         1, 3, figsize=(DOUBLE_COLUMN, 2.3), layout="constrained", width_ratios=(1.2, 1, 1)
     )
     set_up(*panels)
-    first = max(0, int(np.argmax(np.abs(y))) - _CLOSE // 4)
+    farthest = int(np.argmax(np.abs(before.error[i, :, channel])))
+    first = min(max(0, farthest - _CLOSE // 2), max(0, len(y) - _CLOSE))
     close = slice(first, first + _CLOSE)
+    panels[0].plot(t, y, color="0.8", linewidth=0.5)
     for number, (label, curve, colour) in enumerate(curves):
-        style = "-" if number == 0 else "--"
-        panels[0].plot(t, curve, color=colour, linewidth=0.5, alpha=0.8)
+        style = "--" if number else "-"
         panels[1].plot(t[close], curve[close], style, color=colour, linewidth=0.9, label=label)
+        if number:
+            panels[0].plot(t, y - curve, color=colour, linewidth=0.5)
     frequency = np.fft.rfftfreq(len(y), 1.0 / diagnosis.sampling_rate)
     window = np.hanning(len(y))
     panels[2].semilogy(frequency[1:], _amplitude(y, window)[1:], color="black", linewidth=0.6)
@@ -124,12 +131,12 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
         panels[2].semilogy(
             frequency[1:], _amplitude(y - curve, window)[1:], color=colour, linewidth=0.6
         )
-    panels[0].set_ylabel("Response (recording's unit)")
+    panels[0].set_ylabel("Measured (grey), left over\n(recording's unit)")
     for panel in panels[:2]:
         panel.set_xlabel("Time (s)")
     panels[2].set_xlabel("Frequency (Hz)")
     panels[2].set_ylabel("Measured, and residuals")
-    for panel, title in zip(panels, ("whole", "beginning", "spectrum"), strict=True):
+    for panel, title in zip(panels, ("whole", "where farthest off", "spectrum"), strict=True):
         panel.set_title(f"{names[i]}: {title}")
     figure.legend(loc="outside lower center", ncols=3)
     return figure
