@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.evidence import evidence, shares, values_measured
+from iwanjax.discrepancy import suspicion
+from iwanjax.discrepancy.evidence import Evidence, evidence, shares, values_measured
 from iwanjax.discrepancy.fitting import SHORT, Fitted, evaluate, fit_all
 from iwanjax.discrepancy.joint_faults import with_joint_faults
 from iwanjax.discrepancy.rounds import (
@@ -317,4 +318,14 @@ def _doubled(search: Search, base: Entry, entries: list[Entry], grounds: Grounds
     before, after = (each.cost - _RIGHT * count for each in (first.fitted, best))
     if _FALL * after > before or table.values[1] - table.values[0] < _SECOND_GAIN:
         return entries
-    return [Entry(search, best), *entries]
+    # The second may do all alone: the first was then what looked like it before.
+    singles = [suspicion.alone(search, best.start, i) for i in range(len(best.hypothesis.kinds))]
+    fits = fit_all(search, singles, MIDDLE, STEPS, in_time=grounds.in_time)
+    table = evidence(search, [best, *fits])
+    enough = [each for each, v in zip(fits, table.values[1:], strict=True) if _enough(table, v)]
+    return [Entry(search, each) for each in [*enough, best]] + entries
+
+
+def _enough(table: Evidence, alone: float) -> bool:
+    """Whether one suspect explains as much as a pair, whose evidence comes first."""
+    return float(table.values[0]) - alone < _SECOND_GAIN

@@ -114,6 +114,25 @@ def joined(search: Search, starts: Sequence[Start]) -> Start:
     )
 
 
+def alone(search: Search, start: Start, slot: int) -> Start:
+    """One of several suspects without the others, all values as they are."""
+    h, p = start.hypothesis, search.parameters
+    part, kind = slice(slot, slot + 1), h.kinds[slot]
+    drifts = isinstance(kind, JointKind)
+    return Start(
+        Hypothesis(
+            h.kinds[part],
+            h.where[part],
+            type(h.suspects)(*(x[part] for x in h.suspects)),
+            h.sizes[part],
+            h.shapes[part],
+            h.drifting if drifts else None,
+            h.scales[part],
+        ),
+        np.concatenate([start.common[:p], start.common[p + 2 * slot : p + 2 * slot + 2]]),
+    )
+
+
 def with_stiction(
     search: Search,
     kind: JointKind,

@@ -194,6 +194,22 @@ def test_a_little_of_a_suspect_changes_what_the_linearised_model_says(
         assert np.linalg.norm(change - each.column) < 2e-3 * np.linalg.norm(each.column)
 
 
+def test_a_pair_is_taken_apart_into_what_it_was_joined_of():
+    made, Phi = search(np.ones((N, 2)), 2)
+    cubic = made.predictor.kinds[0]
+    one = suspicion.force(made, cubic, "m1", ROWS["m1"] @ Phi, np.full(4, 0.3), -2e9, 1.0)
+    two = suspicion.sensor(made, CATALOGUE["sensor_gain"][0], 1, "a2", np.full(4, 0.3), 0.2)
+    pair = suspicion.joined(made, [one, two])
+    for slot, start in enumerate((one, two)):
+        again = suspicion.alone(made, pair, slot)
+        assert again.hypothesis.label == start.hypothesis.label
+        np.testing.assert_array_equal(again.theta, start.theta)
+        (a, b) = evaluate(
+            made, [(x.hypothesis, made.still(x.theta)) for x in (again, start)], math.inf
+        )
+        np.testing.assert_array_equal(a.residual, b.residual)
+
+
 def test_a_small_delay_shows_what_was_a_little_earlier():
     t = np.arange(400) / 400.0
     shown = np.sin(2.0 * np.pi * 12.0 * t)[None, :, None] * np.ones((2, 1, 3))
