@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy import suspicion
+from iwanjax.discrepancy.catalogue import JointKind, Kind
 from iwanjax.discrepancy.evidence import Evidence, evidence, shares, values_measured
 from iwanjax.discrepancy.fitting import SHORT, Fitted, evaluate, fit_all
 from iwanjax.discrepancy.joint_faults import with_joint_faults
@@ -278,15 +279,23 @@ def _ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
         return base, []
     same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
     table = evidence(base.search, [base.fitted, *(e.fitted for e in same)])
-    # For nothing the residual counts a little less: what the model's own errors are worth.
-    spared = _INDULGENCE * base.fitted.cost / (2.0 * table.temperature * table.tau)
     values = np.array(table.values)
-    values[0] += spared
+    # For nothing the residual counts a little less: what the model's own errors are worth.
+    values[0] += _INDULGENCE * table.worth(base.fitted)
+    # A whole joint can look like much that is simpler: it has to explain so much more.
+    values[1:] -= [
+        _INDULGENCE * table.worth(e.fitted) * any(map(_is_joint, e.fitted.hypothesis.kinds))
+        for e in same
+    ]
     behind = values - values.max()
     ranked = [replace(e, behind=float(b)) for e, b in zip(same, behind[1:], strict=True)]
     floor = min((e.behind for e in ranked), default=0.0)
     left = [replace(e, behind=min(e.behind, floor)) for e in entries if e not in same]
     return replace(base, behind=float(behind[0])), [*sorted(ranked, key=lambda e: -e.behind), *left]
+
+
+def _is_joint(kind: Kind) -> bool:
+    return isinstance(kind, JointKind) and kind.name == "iwan_joint"
 
 
 def _missing(base: Entry, best: Entry) -> bool:
