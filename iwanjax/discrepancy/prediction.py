@@ -175,7 +175,7 @@ class Predictor(eqx.Module):
         gain: Float[Array, "states sensors"],
         data: Data,
     ) -> Motion:
-        """What the suspects' places do meanwhile, (N substeps, slots); of dt as many."""
+        """What the suspects' places do meanwhile, (N substeps, slots); dt for each step."""
         motion = self._run(joints, suspects, values, gain, data, lambda motion: motion)[1]
         return Motion(*(x.reshape(-1, *x.shape[2:]) for x in motion))
 

@@ -94,6 +94,8 @@ def trials(
         ),
         *_faults(search, kinds, sensors, z),
     ]
+    if not lanes:
+        return
     shown = jnp.asarray(_shown(search, base))
 
     def run(first: int) -> np.ndarray:
@@ -124,6 +126,8 @@ def _forces(
     unit: Callable[[Array, tuple[Array, ...]], tuple[Array, ...]],
 ) -> list[_Lane]:
     """Forces of size 1, of all shapes on the catalogue's small grids."""
+    if not places:
+        return []
     grids = [_grid(kind, places) if kind in kinds else [] for kind in search.predictor.kinds]
     widest = [max(map(len, grid), default=0) for grid in grids]
     padded = tuple(

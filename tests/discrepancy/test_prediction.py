@@ -194,6 +194,14 @@ def test_a_little_of_a_suspect_changes_what_the_linearised_model_says(
         assert np.linalg.norm(change - each.column) < 2e-3 * np.linalg.norm(each.column)
 
 
+def test_without_kinds_or_places_nothing_is_tried():
+    made, Phi = search(0.5 * np.ones((N, 2)), 2)
+    base = fit_all(made, [Start(made.nothing(), np.zeros(6))], math.inf, 0)[0]
+    places = places_of(made, followed(made), {"m1": ROWS["m1"] @ Phi})
+    assert list(trials(made, base, (CATALOGUE["stiction"][0],), places, ("a1", "a2"))) == []
+    assert list(trials(made, base, made.predictor.kinds, (), ("a1", "a2"))) == []
+
+
 def test_a_pair_is_taken_apart_into_what_it_was_joined_of():
     made, Phi = search(np.ones((N, 2)), 2)
     cubic = made.predictor.kinds[0]
