@@ -33,10 +33,14 @@ from iwanjax.quasistatic import (
 )
 from iwanjax.results import Result
 from iwanjax.structures import (
+    AffineStructure,
     JointedStructure,
     LinearStructure,
     Modes,
+    Term,
+    modal_assurance,
     oscillator,
+    spring,
     three_mass,
 )
 
@@ -96,8 +100,10 @@ if TYPE_CHECKING:
     from iwanjax.updating import (
         Exponents,
         FitSolution,
+        LinearSolution,
         LogNormal,
         LogUniform,
+        MeasuredModes,
         Normal,
         Parameter,
         Posterior,
@@ -105,7 +111,9 @@ if TYPE_CHECKING:
         fit,
         free_exponents,
         modal_parameters,
+        positive_parameter,
         structural_parameters,
+        update_linear,
     )
     from iwanjax.updating.sampling import sample_posterior
 
@@ -158,6 +166,10 @@ _LATER = {
     "ringdown_curves": "iwanjax.signals",
     "Exponents": "iwanjax.updating",
     "FitSolution": "iwanjax.updating",
+    "update_linear": "iwanjax.updating",
+    "positive_parameter": "iwanjax.updating",
+    "MeasuredModes": "iwanjax.updating",
+    "LinearSolution": "iwanjax.updating",
     "LogNormal": "iwanjax.updating",
     "LogUniform": "iwanjax.updating",
     "Normal": "iwanjax.updating",
@@ -173,6 +185,7 @@ _LATER = {
 
 __all__ = [
     "AbstractJoint",
+    "AffineStructure",
     "BilinearSpring",
     "Channel",
     "CoupledModes",
@@ -190,11 +203,13 @@ __all__ = [
     "IwanjaxError",
     "Jenkins",
     "JointedStructure",
+    "LinearSolution",
     "LinearSpring",
     "LinearStructure",
     "LogNormal",
     "LogUniform",
     "Maxwell",
+    "MeasuredModes",
     "MergedCurves",
     "ModalCurves",
     "ModalDecays",
@@ -214,6 +229,7 @@ __all__ = [
     "RingDown",
     "Study",
     "Tabulated",
+    "Term",
     "Transient",
     "Uniform",
     "band_pass",
@@ -227,6 +243,7 @@ __all__ = [
     "hysteresis",
     "load_study",
     "merge_curves",
+    "modal_assurance",
     "modal_decays",
     "modal_filter",
     "modal_parameters",
@@ -246,6 +263,7 @@ __all__ = [
     "plot_qsma",
     "plot_ringdown",
     "plot_transient",
+    "positive_parameter",
     "qsma",
     "read_curves",
     "read_recording",
@@ -256,8 +274,10 @@ __all__ = [
     "ringdown_curves",
     "sample_posterior",
     "simulate",
+    "spring",
     "structural_parameters",
     "three_mass",
+    "update_linear",
     "work_dissipation",
 ]
 

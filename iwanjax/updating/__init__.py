@@ -5,6 +5,9 @@ import, which a fit does not need.
 """
 
 from iwanjax.updating.estimate import fit
+from iwanjax.updating.linear import positive_parameter, update_linear
+from iwanjax.updating.linear_problem import MeasuredModes
+from iwanjax.updating.linear_solution import LinearSolution
 from iwanjax.updating.modal import modal_parameters
 from iwanjax.updating.parameters import Parameter
 from iwanjax.updating.posterior import Band, Posterior
@@ -27,8 +30,10 @@ __all__ = [
     "Direction",
     "Exponents",
     "FitSolution",
+    "LinearSolution",
     "LogNormal",
     "LogUniform",
+    "MeasuredModes",
     "Normal",
     "Parameter",
     "Posterior",
@@ -36,5 +41,7 @@ __all__ = [
     "fit",
     "free_exponents",
     "modal_parameters",
+    "positive_parameter",
     "structural_parameters",
+    "update_linear",
 ]

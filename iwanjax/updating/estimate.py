@@ -1,6 +1,5 @@
 """The verb: joint parameters from measured curves."""
 
-import dataclasses
 import math
 import numbers
 from collections.abc import Mapping, Sequence
@@ -16,9 +15,9 @@ from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem
-from iwanjax.updating.parameters import Parameter, replaced
+from iwanjax.updating.parameters import Parameter, drawn, replaced, with_values
 from iwanjax.updating.problem import AbstractProblem, Reference
-from iwanjax.updating.search import bounded, near_bounds, search
+from iwanjax.updating.search import search, within_bounds
 from iwanjax.updating.solution import FitSolution, certainty, point
 from iwanjax.updating.structural import structural_parameters, structural_problem
 
@@ -26,8 +25,6 @@ from iwanjax.updating.structural import structural_parameters, structural_proble
 _SAME_COST = 1e-3
 # Chance that noise makes the best minimum, when the truth lies in another one.
 _CHANCE = 1e-3
-# Share of its range within which an estimate is on its bound.
-_ON_BOUND = 1e-5
 # Starts that are iterated upon.
 _RUNS = 16
 
@@ -136,7 +133,7 @@ def solve(
 ) -> FitSolution:
     """Search a problem and say how sure its answer is."""
     random = np.random.default_rng(seed)
-    draws = problem.spread(np.stack([_draws(p, random, starts) for p in parameters], axis=1))
+    draws = problem.spread(drawn(parameters, random, starts))
     with ThreadPoolExecutor(1) as other:
         # The compiler leaves the second core to this, which is wanted right after.
         other.submit(point, problem, jnp.asarray(draws[0]))
@@ -148,22 +145,8 @@ def solve(
             "fit: no start gave finite residuals; are the amplitudes in the unit that the model "
             "is in?"
         )
-    theta = np.array(found.theta[best])
-    active: dict[str, float] = {}
-    if near_bounds(problem.chart, theta):
-        theta = bounded(problem, theta)
-        active = {
-            p.name: bound
-            for p, value in zip(parameters, theta, strict=True)
-            for bound in (p.lower, p.upper)
-            if not p.fixed
-            and np.isfinite(p.upper - p.lower)
-            and abs(value - bound) <= _ON_BOUND * (p.upper - p.lower)
-        }
-    final = tuple(
-        dataclasses.replace(p, value=float(value))
-        for p, value in zip(parameters, theta, strict=True)
-    )
+    theta, active = within_bounds(problem, parameters, np.array(found.theta[best]))
+    final = with_values(parameters, theta)
     there = point(problem, jnp.asarray(theta))
     f, zeta = (np.asarray(x) for x in there.differences)
     freedom = max(1, f.size + zeta.size - len(problem.chart.free) + len(active))
@@ -226,13 +209,3 @@ def predicted_curves(
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _draws(p: Parameter, random: np.random.Generator, count: int) -> np.ndarray:
-    """The parameter's value, then draws from its prior that respect its bounds."""
-    if p.fixed:
-        return np.full(count, p.value)
-    draws = p.prior.draw(random, count)
-    draws = np.where((draws >= p.lower) & (draws <= p.upper), draws, p.value)
-    draws[0] = p.value
-    return draws

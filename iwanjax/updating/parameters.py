@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
@@ -163,3 +164,22 @@ def replaced(
                 f"dataclasses.replace; got {other!r}"
             )
     return tuple(others.get(p.name, p) for p in parameters)
+
+
+def with_values(parameters: Sequence[Parameter], theta: np.ndarray) -> tuple[Parameter, ...]:
+    """The parameters at other values, (parameters,)."""
+    return tuple(replace(p, value=float(v)) for p, v in zip(parameters, theta, strict=True))
+
+
+def drawn(parameters: Sequence[Parameter], random: np.random.Generator, count: int) -> np.ndarray:
+    """Starts (count, parameters): the values, then draws from the priors within the bounds."""
+    return np.stack([_draws(p, random, count) for p in parameters], axis=1)
+
+
+def _draws(p: Parameter, random: np.random.Generator, count: int) -> np.ndarray:
+    if p.fixed:
+        return np.full(count, p.value)
+    draws = p.prior.draw(random, count)
+    draws = np.where((draws >= p.lower) & (draws <= p.upper), draws, p.value)
+    draws[0] = p.value
+    return draws

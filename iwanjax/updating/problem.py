@@ -104,25 +104,19 @@ def _columns(i: int, curves: ModalCurves, factor: float) -> np.ndarray:
     return rows
 
 
-class AbstractProblem(eqx.Module):
-    """A model with free parameters, and the curves it is held against.
+class AbstractLeastSquares(eqx.Module):
+    """Residuals of free parameters, and the variables in which they are searched.
 
     ``chart`` moves the parameters one by one; a problem may know variables that suit the
     data better, in which it is searched and sampled.
     """
 
-    measured: eqx.AbstractVar[Measured]
     chart: eqx.AbstractVar[Chart]
     names: eqx.AbstractVar[tuple[str, ...]]
-    reference: eqx.AbstractVar[Reference]
 
     @abc.abstractmethod
-    def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
-        """Frequency (Hz) and damping at the measured amplitudes, (N,) each."""
-
-    @abc.abstractmethod
-    def model(self, theta: Float[Array, " parameters"]) -> eqx.Module:
-        """The model with these parameters."""
+    def residuals(self, theta: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
+        """All differences in one row, over their deviations."""
 
     def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
         """Parameter values of the variables that are searched."""
@@ -135,6 +129,21 @@ class AbstractProblem(eqx.Module):
     def improved(self, theta: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
         """A better start than this one, where the problem knows a cheap one."""
         return theta
+
+
+class AbstractProblem(AbstractLeastSquares):
+    """A model with free parameters, and the curves it is held against."""
+
+    measured: eqx.AbstractVar[Measured]
+    reference: eqx.AbstractVar[Reference]
+
+    @abc.abstractmethod
+    def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
+        """Frequency (Hz) and damping at the measured amplitudes, (N,) each."""
+
+    @abc.abstractmethod
+    def model(self, theta: Float[Array, " parameters"]) -> eqx.Module:
+        """The model with these parameters."""
 
     def spread(self, draws: np.ndarray) -> np.ndarray:
         """Starts (starts, parameters) moved so that neighbouring valleys all get some, in order."""

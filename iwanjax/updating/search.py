@@ -1,6 +1,7 @@
 """Finding the parameters: many Levenberg-Marquardt runs in one batch, bounds where they matter."""
 
 import warnings
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,13 +12,15 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from iwanjax.errors import InputError
-from iwanjax.updating.parameters import Chart
-from iwanjax.updating.problem import AbstractProblem
+from iwanjax.updating.parameters import Chart, Parameter
+from iwanjax.updating.problem import AbstractLeastSquares
 
 _MOST_STEPS = 200
 _TOLERANCE = 1e-7
 # Share of a range within which an estimate is taken to want to leave it.
 _NEAR = 1e-2
+# within which it is on its bound,
+_ON_BOUND = 1e-5
 # and sum of squared residuals that going there may cost.
 _FREE = 1e-3
 
@@ -41,7 +44,9 @@ class Search(NamedTuple):
 
 
 @eqx.filter_jit
-def search(problem: AbstractProblem, draws: Float[Array, "starts parameters"], runs: int) -> Search:
+def search(
+    problem: AbstractLeastSquares, draws: Float[Array, "starts parameters"], runs: int
+) -> Search:
     """Improve all starts, then run Levenberg-Marquardt from some of them.
 
     Every start gets what the problem can do for it at once. Then the best of each of
@@ -50,7 +55,7 @@ def search(problem: AbstractProblem, draws: Float[Array, "starts parameters"], r
     """
     solver = optx.LevenbergMarquardt(_TOLERANCE, _TOLERANCE)
 
-    def residuals(z: Array, problem: AbstractProblem) -> Array:
+    def residuals(z: Array, problem: AbstractLeastSquares) -> Array:
         return problem.residuals(problem.to_values(z))
 
     def cost(z: Array) -> Array:
@@ -77,6 +82,23 @@ def search(problem: AbstractProblem, draws: Float[Array, "starts parameters"], r
     return Search(*jax.lax.map(run, chosen))
 
 
+def within_bounds(
+    problem: AbstractLeastSquares, parameters: Sequence[Parameter], theta: np.ndarray
+) -> tuple[np.ndarray, dict[str, float]]:
+    """An estimate after a bounded search where it is near to bounds, and those it rests on."""
+    if not near_bounds(problem.chart, theta):
+        return theta, {}
+    theta = bounded(problem, theta)
+    return theta, {
+        p.name: bound
+        for p, value in zip(parameters, theta, strict=True)
+        for bound in (p.lower, p.upper)
+        if not p.fixed
+        and np.isfinite(p.upper - p.lower)
+        and abs(value - bound) <= _ON_BOUND * (p.upper - p.lower)
+    }
+
+
 def near_bounds(chart: Chart, theta: np.ndarray) -> bool:
     """Whether a free parameter between two bounds has come close to one."""
     lower, upper = np.asarray(chart.lower), np.asarray(chart.upper)
@@ -85,7 +107,7 @@ def near_bounds(chart: Chart, theta: np.ndarray) -> bool:
     return bool(np.any((share < _NEAR) | (share > 1.0 - _NEAR)))
 
 
-def bounded(problem: AbstractProblem, theta: np.ndarray) -> np.ndarray:
+def bounded(problem: AbstractLeastSquares, theta: np.ndarray) -> np.ndarray:
     """Least squares within the bounds themselves, from a point near them.
 
     The variables of the search only approach a bound; here the parameters between two
@@ -94,7 +116,7 @@ def bounded(problem: AbstractProblem, theta: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    problem : AbstractProblem
+    problem : AbstractLeastSquares
         What to fit.
     theta : (parameters,) array
         Where the search has ended.
@@ -132,7 +154,7 @@ def bounded(problem: AbstractProblem, theta: np.ndarray) -> np.ndarray:
     return best
 
 
-def _cost(problem: AbstractProblem, theta: np.ndarray) -> float:
+def _cost(problem: AbstractLeastSquares, theta: np.ndarray) -> float:
     """Sum of squared residuals; infinite on a bound that has no model, as chi = -1."""
     try:
         return float(np.sum(np.asarray(_residuals(problem, jnp.asarray(theta))) ** 2))
@@ -141,7 +163,7 @@ def _cost(problem: AbstractProblem, theta: np.ndarray) -> float:
 
 
 @eqx.filter_jit
-def _residuals(problem: AbstractProblem, theta: Array) -> Array:
+def _residuals(problem: AbstractLeastSquares, theta: Array) -> Array:
     return problem.residuals(theta)
 
 
@@ -165,5 +187,5 @@ def _from_box(chart: Chart, y: Array) -> Array:
 
 
 @eqx.filter_jit
-def _box_residuals(y: Array, problem: AbstractProblem) -> Array:
+def _box_residuals(y: Array, problem: AbstractLeastSquares) -> Array:
     return problem.residuals(_from_box(problem.chart, y))

@@ -135,7 +135,7 @@ class FitSolution:
         for p in self.parameters:
             lines.append(f"  {p.name:<{width}}  {self._told(p):<34}  {p.meaning}".rstrip())
         for name, (value, std) in self.derived.items():
-            told = f"{value:.3g} (one of several)" if self.rivals else _with_std(value, std)
+            told = f"{value:.3g} (one of several)" if self.rivals else with_std(value, std)
             lines.append(f"  {name:<{width}}  {told:<34}  follows from the above")
         for name, bound in self.active_bounds.items():
             lines += [
@@ -179,11 +179,11 @@ class FitSolution:
             return f"{p.value:.6g}{unit} (fixed)"
         if p.name in self.active_bounds:
             return f"{p.value:.6g}{unit} (on its bound)"
-        told = _with_std(p.value, self.std[p.name])
+        told = with_std(p.value, self.std[p.name])
         return told + unit if self.determined[p.name] else f"{p.value:.3g}{unit} (undetermined)"
 
 
-def _with_std(value: float, std: float) -> str:
+def with_std(value: float, std: float) -> str:
     """A value to the digits its deviation leaves."""
     if not np.isfinite(std) or std <= 0 or not np.isfinite(value):
         return f"{value:.6g}"

@@ -1,0 +1,42 @@
+"""How alike mode shapes are."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+# Shapes of less than this share of the largest one's square are not seen by the sensors.
+_UNSEEN = 1e-6
+
+
+def modal_assurance(
+    first: Float[Array, "n k"], second: Float[Array, "n m"], weight: Array | None = None
+) -> Float[Array, "k m"]:
+    r"""Modal assurance criterion (MAC) of every pair of shapes, 0 to 1.
+
+    .. math:: \mathrm{MAC}_{ij} = \frac{(a_i^T W b_j)^2}{(a_i^T W a_i)(b_j^T W b_j)}
+
+    Parameters
+    ----------
+    first, second : (n, k), (n, m) array
+        Shapes as columns, at the same sensors or coordinates.
+    weight : (n, n) array, optional
+        W, symmetric: the mass for orthogonality of coordinates; else one.
+
+    Returns
+    -------
+    (k, m) array
+        Zero for a shape that moves less than a thousandth of the largest in its set: what is
+        seen of it is noise.
+
+    References
+    ----------
+    Allemang and Brown, IMAC 1 (1982) 110.
+    """
+    weighted = second if weight is None else weight @ second
+    cross = first.T @ weighted
+    own_first = jnp.sum(first * (first if weight is None else weight @ first), axis=0)
+    own_second = jnp.sum(second * weighted, axis=0)
+    return cross**2 / (_seen(own_first)[:, None] * _seen(own_second))
+
+
+def _seen(square: Array) -> Array:
+    return jnp.where(square > _UNSEEN * jnp.max(square), square, jnp.inf)

@@ -1,0 +1,231 @@
+"""Low-amplitude updating: stiffnesses from natural frequencies and mode shapes."""
+
+import math
+import numbers
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.errors import InputError
+from iwanjax.structures.affine import AffineStructure
+from iwanjax.structures.checks import finite_array
+from iwanjax.types import ArrayLike, require_double_precision
+from iwanjax.updating.linear_problem import RIGID, LinearProblem, Matched, MeasuredModes, believed
+from iwanjax.updating.linear_solution import LinearSolution
+from iwanjax.updating.parameters import Chart, Parameter, drawn, with_values
+from iwanjax.updating.priors import LogNormal
+from iwanjax.updating.search import search, within_bounds
+from iwanjax.updating.solution import Point, certainty
+
+# Draws from which a prior's middle and deviation in the variable that is moved are taken.
+_DRAWS = 4000
+# Costs within this share of each other are the same minimum.
+_SAME_COST = 1e-3
+
+
+def positive_parameter(
+    name: str, value: float, factor: float, unit: str = "", meaning: str = ""
+) -> Parameter:
+    """A positive quantity known within a factor, one deviation of its logarithm.
+
+    Parameters
+    ----------
+    name : str
+        As the structure calls it.
+    value : float
+        Where to start, and the prior's median.
+    factor : float
+        Above 1: two thirds of the belief lie between value / factor and value * factor.
+    unit, meaning : str
+        For reports.
+
+    Raises
+    ------
+    InputError
+        For a value that is not positive and a factor that is not above 1.
+    """
+    if not (value > 0 and factor > 1):
+        raise InputError(
+            f"parameter {name}: value = {value:g}, factor = {factor:g}; expected a positive value "
+            "and a factor above 1"
+        )
+    prior = LogNormal(value, math.log(factor))
+    return Parameter(name, value, prior, unit, meaning, lower=0.0, transform="log")
+
+
+def update_linear(
+    structure: AffineStructure,
+    measured: MeasuredModes,
+    parameters: Mapping[str, Parameter],
+    *,
+    sensors: Sequence[ArrayLike] | None = None,
+    modes: Sequence[int] | None = None,
+    starts: int = 6,
+    seed: int = 0,
+) -> LinearSolution:
+    r"""Find the parameters of an affine structure from its low-amplitude modes.
+
+    Most probable values (thesis Sec. 3.4.2, with priors in place of a well-posed count):
+
+    .. math:: \sum_j \left(\frac{f_{m(j)}(\theta) - f_j}{\sigma_j}\right)^2
+              + \sum_j \left|\frac{s_j\,S\phi_{m(j)} - \psi_j}{\sigma_\psi}\right|^2
+              + \sum_i \left(\frac{z_i - \bar z_i}{\sigma_i}\right)^2
+
+    by Levenberg-Marquardt from several starts. Measured mode j is compared with the elastic
+    mode m(j) whose shape is most like it (MAC), never with the one of the same number.
+
+    Parameters
+    ----------
+    structure : AffineStructure
+        With terms named as the parameters.
+    measured : MeasuredModes
+        Frequencies, and shapes where they were measured.
+    parameters : mapping of str to Parameter
+        One for each term, with its starting value and prior;
+        :func:`positive_parameter` makes them.
+    sensors : sequence of (n,) array_like, optional
+        Rows of the sensors that the shapes were measured at.
+    modes : sequence of int, optional
+        Where no shapes were measured: which elastic mode at the starting values each
+        frequency belongs to, lowest first. They are followed by shape.
+    starts : int
+        The parameters' values, and draws from their priors.
+    seed : int
+        Of the draws.
+
+    Returns
+    -------
+    LinearSolution
+
+    Raises
+    ------
+    InputError
+        For parameters that do not match the terms, shapes without sensors or neither shapes
+        nor modes, and starts that end nowhere.
+    PrecisionError
+        When JAX computes in float32.
+    """
+    require_double_precision("update_linear")
+    if not isinstance(starts, numbers.Integral) or starts < 1:
+        raise InputError(f"update_linear: starts = {starts!r}; expected a whole number, at least 1")
+    row = _in_order(structure, parameters)
+    rows, shapes = _recognised_by(structure, measured, row, sensors, modes)
+    chart = Chart(row)
+    random = np.random.default_rng(seed)
+    many = jnp.asarray(drawn(row, random, _DRAWS))
+    logarithmic = tuple(p.transform == "log" for p in row)
+    prior = np.asarray(jax.vmap(lambda theta: believed(theta, chart.free, logarithmic))(many))
+    problem = LinearProblem(
+        chart=chart,
+        structure=structure,
+        rows=jnp.asarray(rows),
+        shapes=jnp.asarray(shapes / np.sqrt(np.mean(shapes**2, axis=0))),
+        frequency=jnp.asarray(measured.frequency),
+        frequency_std=jnp.asarray(measured.frequency_std),
+        shape_std=math.inf if measured.shapes is None else measured.shape_std,
+        middle=jnp.asarray(prior.mean(axis=0)),
+        spread=jnp.asarray(prior.std(axis=0)),
+        logarithmic=logarithmic,
+        names=structure.names,
+    )
+    found = search(problem, many[:starts], int(starts))
+    cost = np.asarray(found.cost)
+    best = int(np.argmin(cost))
+    if not np.isfinite(cost[best]):
+        raise InputError(
+            "update_linear: no start gave finite frequencies; are matrices, starting values and "
+            "frequencies in one system of units?"
+        )
+    theta, active = within_bounds(problem, row, np.array(found.theta[best]))
+    final = with_values(row, theta)
+    before, after, slope = _there(problem, jnp.asarray([p.value for p in row]), jnp.asarray(theta))
+    differences = [np.asarray(x) for x in problem.differences(jnp.asarray(theta))]
+    data = np.asarray(problem.data(jnp.asarray(theta)))
+    misfit = float(np.sqrt(np.mean(data**2)))
+    point = Point((after.frequency, after.assurance), (data, data[:0]), slope, {}, {})
+    sure = certainty(point, final, tuple(active), misfit, theta[None])
+    return LinearSolution(
+        parameters=final,
+        started=row,
+        covariance=sure.covariance,
+        undetermined=sure.undetermined,
+        determined=sure.determined,
+        active_bounds=active,
+        measured_frequency=measured.frequency,
+        frequency_std=measured.frequency_std,
+        frequency_before=np.asarray(before.frequency),
+        frequency=np.asarray(after.frequency),
+        mode=np.asarray(after.mode),
+        assurance=np.asarray(after.assurance),
+        misfit_frequency=float(np.sqrt(np.mean(differences[0] ** 2))),
+        misfit_shapes=None
+        if measured.shapes is None
+        else float(np.sqrt(np.mean(differences[1] ** 2))),
+        converged=bool(found.converged[best]) or bool(active),
+        agreeing=int(np.sum(cost <= cost[best] * (1.0 + _SAME_COST) + _SAME_COST)),
+        runs=cost.size,
+        structure=structure,
+    )
+
+
+@eqx.filter_jit
+def _there(problem: LinearProblem, start: Array, theta: Array) -> tuple[Matched, Matched, Array]:
+    """Matched modes before and after, and the slope of what counts."""
+    return problem.matched(start), problem.matched(theta), jax.jacfwd(problem.data)(theta)
+
+
+def _in_order(
+    structure: AffineStructure, parameters: Mapping[str, Parameter]
+) -> tuple[Parameter, ...]:
+    if not isinstance(structure, AffineStructure):
+        raise InputError(
+            f"update_linear: expected an AffineStructure, got {type(structure).__name__}"
+        )
+    if set(parameters) != set(structure.names):
+        raise InputError(
+            f"update_linear: parameters are {', '.join(parameters) or 'none'}; the structure has "
+            f"{', '.join(structure.names)}"
+        )
+    row = tuple(parameters[name] for name in structure.names)
+    if all(p.fixed for p in row):
+        raise InputError("update_linear: all parameters are fixed; free at least one")
+    return row
+
+
+def _recognised_by(
+    structure: AffineStructure,
+    measured: MeasuredModes,
+    parameters: Sequence[Parameter],
+    sensors: Sequence[ArrayLike] | None,
+    modes: Sequence[int] | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and shapes that modes are recognised by."""
+    k = measured.frequency.size
+    if measured.shapes is not None:
+        if sensors is None or modes is not None:
+            raise InputError("update_linear: shapes were measured; give sensors, and not modes")
+        rows = np.stack([finite_array(each, "sensors") for each in sensors])
+        expected = (measured.shapes.shape[0], structure.size)
+        if rows.shape != expected:
+            raise InputError(
+                f"update_linear: sensors have shape {rows.shape}; expected {expected}, a row for "
+                "each component of the shapes"
+            )
+        return rows, measured.shapes
+    if modes is None or sensors is not None:
+        raise InputError("update_linear: no shapes were measured; give modes, and not sensors")
+    start = jnp.asarray([p.value for p in parameters])
+    lam, Phi = (np.asarray(x) for x in structure.modes(start))
+    elastic = np.flatnonzero(lam > (2.0 * np.pi * RIGID * measured.frequency.min()) ** 2)
+    if len(modes) != k or not all(0 <= m < elastic.size for m in modes):
+        raise InputError(
+            f"update_linear: modes are {list(modes)}; expected {k} of 0 to {elastic.size - 1}, one "
+            "for each frequency"
+        )
+    # With the mass's root for rows, shapes are compared as the mass sees them.
+    root = np.linalg.cholesky(np.asarray(structure.matrices(start)[0])).T
+    return root, root @ Phi[:, elastic[list(modes)]]
