@@ -60,6 +60,20 @@ def finite_array(value: object, name: str) -> np.ndarray:
     return array
 
 
+def positive_number(value: object, name: str) -> float:
+    """A number above zero.
+
+    Raises
+    ------
+    InputError
+        For anything else, naming it.
+    """
+    number = finite_array(value, name)
+    if number.ndim or number <= 0:
+        raise InputError(f"{name} = {value!r} must be a positive number")
+    return float(number)
+
+
 def positive_definite(matrix: np.ndarray, name: str) -> None:
     """Refuse a matrix without a Cholesky factor.
 

@@ -1,0 +1,1 @@
+"""Finite element models of the beams that the thesis studies (extra ``fem``)."""
