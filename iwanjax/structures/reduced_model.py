@@ -107,7 +107,9 @@ def check_rows(springs: Mapping[str, float], rows: Collection[str]) -> None:
     """
     for name, stiffness in springs.items():
         if name not in rows:
-            raise InputError(f"no joint row is called {name!r}; there are {', '.join(sorted(rows))}")
+            raise InputError(
+                f"no joint row is called {name!r}; there are {', '.join(sorted(rows))}"
+            )
         value = finite_array(stiffness, f"stiffness of {name}")
         if value.ndim or value < 0:
             raise InputError(f"stiffness of {name} = {stiffness!r}; expected a number, 0 or more")

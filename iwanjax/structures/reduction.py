@@ -15,8 +15,7 @@ forces, are solved for in a small dense system that takes the springs back out e
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -25,17 +24,24 @@ import scipy.sparse.linalg
 
 from iwanjax.errors import InputError
 
+# SciPy's type stubs do not know the shapes of its sparse arrays.
+Sparse: TypeAlias = Any
+
 # Relative residual of a static solution that round-off explains.
 _RESIDUAL = 1e-6
 # What is left of a unit row that others explain to all but round-off.
 _DEPENDENT = 1e-9
+_FREE = (
+    "holding the interface leaves the structure free to move (a static solution misses "
+    "equilibrium {}); every separate part needs enough interface rows"
+)
 # Start of Lanczos iterations: the same each time, so that results repeat to the last digit.
 _SEED = 20170101
 
 
 @dataclass(frozen=True, eq=False)
 class CraigBampton:
-    """A reduction basis and the matrices in its coordinates (q, η).
+    r"""A reduction basis and the matrices in its coordinates (q, η).
 
     Attributes
     ----------
@@ -78,7 +84,7 @@ class _Bordered:
     :math:`w^T x = g`.
     """
 
-    def __init__(self, A: sp.csc_array, W: sp.csc_array, D: np.ndarray):
+    def __init__(self, A: Sparse, W: Sparse, D: np.ndarray):
         # Symmetric and positive definite: no pivoting, hence an ordering that fills little.
         self._factors: Any = scipy.sparse.linalg.splu(
             A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
@@ -88,19 +94,19 @@ class _Bordered:
         self._small = scipy.linalg.lu_factor(W.T @ self._Y + np.diag(D))
 
     def solve(self, f: np.ndarray) -> np.ndarray:
-        """x for g = 0."""
+        """The x of g = 0."""
         x = self._factors.solve(f)
         return x - self._Y @ scipy.linalg.lu_solve(self._small, self._W.T @ x)
 
     def prescribed(self, g: np.ndarray) -> np.ndarray:
-        """x for f = 0."""
+        """The x of f = 0."""
         return self._Y @ scipy.linalg.lu_solve(self._small, g)
 
-    def modes(self, K: Any, M: sp.csc_array, count: int, shift: float) -> tuple[Any, Any]:
+    def modes(self, K: Any, M: Sparse, count: int, shift: float) -> tuple[Any, Any]:
         """The ``count`` eigenvalues nearest above ``shift`` and their shapes."""
-        inverse = scipy.sparse.linalg.LinearOperator(
-            M.shape, matvec=lambda f: self.solve(np.ravel(f)), dtype=np.float64
-        )
+        # Calling the class gives a subclass, which the stubs do not know.
+        operator: Any = scipy.sparse.linalg.LinearOperator
+        inverse = operator(M.shape, matvec=lambda f: self.solve(np.ravel(f)), dtype=np.float64)
         start = inverse @ (M @ np.random.default_rng(_SEED).normal(size=M.shape[0]))
         values, shapes = scipy.sparse.linalg.eigsh(
             K, count, M, sigma=shift, OPinv=inverse, v0=start
@@ -110,11 +116,11 @@ class _Bordered:
 
 
 def craig_bampton(
-    M: sp.csc_array,
-    K: sp.csc_array,
-    interface: sp.csr_array,
+    M: Sparse,
+    K: Sparse,
+    interface: Sparse,
     modes: int,
-    loads: sp.csr_array | None = None,
+    loads: Sparse | None = None,
     *,
     attach: bool = False,
 ) -> CraigBampton:
@@ -156,7 +162,7 @@ def craig_bampton(
         )
     C = sp.csc_array(interface)
     held = _held(M, K, C)
-    Psi = _constraint_modes(held, K, C)
+    Psi = _constraint_modes(held, C)
     lam, Phi = held.modes(K, M, modes, 0.0)
     residual = np.zeros(0)
     if loads is not None:
@@ -179,9 +185,9 @@ def craig_bampton(
 
 
 def full_modes(
-    M: sp.csc_array,
-    K: sp.csc_array,
-    springs: Mapping[str, tuple[sp.csr_array, float]],
+    M: Sparse,
+    K: Sparse,
+    springs: Mapping[str, tuple[Sparse, float]],
     count: int,
     shift: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -206,14 +212,18 @@ def full_modes(
         Mass-normalised.
     """
     sigma = (2 * np.pi * shift) ** 2
-    rows = {name: (row, k) for name, (row, k) in springs.items() if k != 0}
-    W = sp.csc_array(sp.vstack([row for row, _ in rows.values()]).T)
-    D = np.array([1.0 / k for _, k in rows.values()])
-    lam, shapes = _Bordered(sp.csc_array(K + sigma * M), W, D).modes(K, M, count, -sigma)
+    # A column that does nothing keeps the small system from being empty.
+    rows, D = [sp.csr_array((1, M.shape[0]))], [1.0]
+    for row, stiffness in springs.values():
+        if stiffness != 0:
+            rows.append(row)
+            D.append(1.0 / stiffness)
+    W = sp.csc_array(sp.vstack(rows).T)
+    lam, shapes = _Bordered(sp.csc_array(K + sigma * M), W, np.array(D)).modes(K, M, count, -sigma)
     return np.sqrt(np.maximum(lam, 0.0)) / (2 * np.pi), shapes
 
 
-def _held(M: sp.csc_array, K: sp.csc_array, C: sp.csc_array) -> _Bordered:
+def _held(M: Sparse, K: Sparse, C: Sparse) -> _Bordered:
     """Solver with the interface prescribed: multipliers for C, then the pins' forces."""
     touched = np.unique(C.nonzero()[1])
     rows = C[:, touched].toarray()
@@ -221,12 +231,13 @@ def _held(M: sp.csc_array, K: sp.csc_array, C: sp.csc_array) -> _Bordered:
     if np.any(sizes == 0):
         raise InputError(f"interface row {int(np.argmin(sizes))} is zero")
     # Pivoting picks single DOFs that see all of the interface's motions as well as any can.
-    R, order = scipy.linalg.qr(rows / sizes[:, None], mode="r", pivoting=True)
+    factors: Any = scipy.linalg.qr(rows / sizes[:, None], mode="r", pivoting=True)
+    R, order = factors
     diagonal = np.abs(np.diag(R))
     if len(diagonal) < len(rows) or diagonal[-1] < _DEPENDENT * diagonal[0]:
         raise InputError("interface rows are linearly dependent; leave out those that repeat")
     pins = touched[order[: len(rows)]]
-    stiffness = K.diagonal()[pins]
+    stiffness = np.asarray(K.diagonal())[pins]
     unit = sp.csc_array(
         (np.ones(len(pins)), (pins, np.arange(len(pins)))), shape=(K.shape[0], len(pins))
     )
@@ -234,18 +245,15 @@ def _held(M: sp.csc_array, K: sp.csc_array, C: sp.csc_array) -> _Bordered:
     D = np.concatenate([np.zeros(len(rows)), -1.0 / stiffness])
     try:
         held = _Bordered(A, sp.csc_array(sp.hstack([C.T, -unit])), D)
-        missing = _violation(held, M, K, C)
-    except RuntimeError:  # SuperLU met a pivot that is exactly zero
-        missing = np.inf
+    except RuntimeError:  # a pivot that is exactly zero
+        raise InputError(_FREE.format("infinitely")) from None
+    missing = _violation(held, M, K, C)
     if not missing < _RESIDUAL:
-        raise InputError(
-            "holding the interface leaves the structure free to move (a static solution misses "
-            f"equilibrium by {missing:.1g}); every separate part needs enough interface rows"
-        )
+        raise InputError(_FREE.format(f"by {missing:.1g}"))
     return held
 
 
-def _violation(held: _Bordered, M: sp.csc_array, K: sp.csc_array, C: sp.csc_array) -> float:
+def _violation(held: _Bordered, M: Sparse, K: Sparse, C: Sparse) -> float:
     """How far a static solution is from equilibrium and from a held interface, relative."""
     f = M @ np.random.default_rng(_SEED).normal(size=K.shape[0])
     x = held.solve(f)
@@ -256,12 +264,12 @@ def _violation(held: _Bordered, M: sp.csc_array, K: sp.csc_array, C: sp.csc_arra
     return float(np.linalg.norm(missing) / np.linalg.norm(f) + slip)
 
 
-def _constraint_modes(held: _Bordered, K: sp.csc_array, C: sp.csc_array) -> np.ndarray:
+def _constraint_modes(held: _Bordered, C: Sparse) -> np.ndarray:
     """Static responses to unit motion of one interface coordinate each, (n, b)."""
     b = C.shape[0]
     return held.prescribed(np.vstack([np.eye(b), np.zeros((b, b))]))
 
 
-def _projected(matrix: sp.csc_array, basis: np.ndarray) -> np.ndarray:
+def _projected(matrix: Sparse, basis: np.ndarray) -> np.ndarray:
     product = basis.T @ (matrix @ basis)
     return 0.5 * (product + product.T)

@@ -9,6 +9,7 @@ which are welded to B's top and A's bottom. (The text of the thesis gives the la
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -119,8 +120,8 @@ class BrakeReussGeometry:
             self.lap[1],
         ]
         return [
-            Rectangle((a, b), self.height / 2, (0.0, self.width))
-            for a, b in zip(edges[:-1], edges[1:], strict=True)
+            Rectangle((a, self.height / 2, 0.0), (b, self.height / 2, self.width))
+            for a, b in pairwise(edges)
         ]
 
 
@@ -140,7 +141,9 @@ def brake_reuss_joints() -> dict[str, Iwan4]:
     """The tuned Iwan elements of Table 3.5 by joint row, N and mm."""
     return {
         name: Iwan4.from_distribution(
-            R=R, S=BRAKE_REUSS_X_SPRINGS[name] - R * phi ** (chi + 1) / (chi + 1), chi=chi,
+            R=R,
+            S=BRAKE_REUSS_X_SPRINGS[name] - R * phi ** (chi + 1) / (chi + 1),
+            chi=chi,
             phi_max=phi,
         )
         for name, (chi, phi, R) in _TABLE_3_5.items()
@@ -221,13 +224,14 @@ def brake_reuss_beam(
 def _mesh(geometry: BrakeReussGeometry, material: Material, size: float) -> Bricks:
     g = geometry
     across = np.array([-g.head, -g.bolt, g.bolt, g.head]) / 2
-    lap = np.concatenate([*(g.bolts[:, None] + across), [p.x[0] for p in g.patches]])
+    lap = np.concatenate([*(g.bolts[:, None] + across), [p.low[0] for p in g.patches]])
     x = grid_lines([0.0, *lap, g.lap[1], g.length], size)
     y = grid_lines([-g.head_height, 0.0, g.height / 2, g.height, g.height + g.head_height], size)
     z = grid_lines([0.0, *(g.width / 2 + across), g.width], size)
     X, Y, Z = np.meshgrid(*((line[1:] + line[:-1]) / 2 for line in (x, y, z)), indexing="ij")
-    bar = (Y > 0) & (Y < g.height)
-    body = np.where((X < g.lap[0]) | ((X < g.lap[1]) & (Y < g.height / 2)), 0, 1)
+    bar = (Y > 0) & (g.height > Y)
+    beam_a = (g.lap[0] > X) | ((g.lap[1] > X) & (g.height / 2 > Y))
+    body = np.where(beam_a, 0, 1)
     body[~bar] = EMPTY
     welds = []
     for i, centre in enumerate(g.bolts):

@@ -14,6 +14,7 @@ bricks (3 to 4 % on a bar, 43 to 60 % on a thin strip of the thesis's proportion
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,7 @@ class Bricks:
     @property
     def size(self) -> int:
         """Number of degrees of freedom."""
-        return self.M.shape[0]
+        return 3 * self.basis.N
 
     @property
     def nodes(self) -> np.ndarray:
@@ -144,7 +145,7 @@ def grid_lines(breaks: Sequence[float], size: float) -> np.ndarray:
     ordered = np.unique(np.round(np.asarray(breaks, float), 9))
     pieces = [
         np.linspace(a, b, int(np.ceil((b - a) / size - 1e-9)) + 1)[:-1]
-        for a, b in zip(ordered[:-1], ordered[1:], strict=True)
+        for a, b in pairwise(ordered)
     ]
     return np.concatenate([*pieces, ordered[-1:]])
 
@@ -229,7 +230,7 @@ def _merge(place: np.ndarray, owner: np.ndarray, welds: Sequence[tuple[int, int]
 def _element_matrices(basis: Any, material: Material) -> tuple[np.ndarray, np.ndarray]:
     """(cells, 60, 60) stiffness and (cells, 20, 20) mass of one direction."""
     shapes = range(basis.Nbfun)
-    N = np.array([np.broadcast_to(basis.basis[i][0].value, basis.dx.shape) for i in shapes])
+    N = np.array([np.broadcast_to(np.asarray(basis.basis[i][0]), basis.dx.shape) for i in shapes])
     mass = material.rho * np.einsum("iep,jep,ep->eij", N, N, basis.dx, optimize=True)
     G = np.stack([basis.basis[i][0].grad for i in shapes])  # (20, 3, cells, points)
     n = len(G)

@@ -70,8 +70,7 @@ def _key(name: str, options: Mapping[str, Any]) -> str:
         return json.dumps(everything, default=plain, sort_keys=True, allow_nan=False)
     except (TypeError, ValueError):
         raise InputError(
-            f"options of {name} must be finite numbers, text or the documented objects: "
-            f"{options!r}"
+            f"options of {name} must be finite numbers, text or the documented objects: {options!r}"
         ) from None
 
 
@@ -122,9 +121,9 @@ def _read(path: Path, key: str) -> ReducedModel | None:
         }
         residual = zip(arrays["residual_labels"].tolist(), arrays["residual"].tolist(), strict=True)
         shape = {k: arrays[f"shape_{k}"] for k in ("points", "quads", "patch", "recovery")}
+        fields: dict[str, Any] = {name: arrays[name] for name in _ARRAYS} | rows
         return ReducedModel(
-            **{name: arrays[name] for name in _ARRAYS},
-            **rows,
+            **fields,
             coordinates=tuple(arrays["coordinates"].tolist()),
             shape=SurfaceShape(**shape),
             residual_flexibility=dict(residual),

@@ -22,36 +22,27 @@ import scipy.sparse as sp
 from iwanjax.errors import InputError
 from iwanjax.structures.fem.bricks import Bricks
 
-# Three Gauss points each way: exact for quadratic shape functions times offsets. All faces lie
-# in planes y = const.
-_GAUSS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
-_UNIT_FACE = np.array([(0.5 + 0.5 * a, 0.0, 0.5 + 0.5 * b) for a in _GAUSS for b in _GAUSS])
-_WEIGHTS = np.outer(_GAUSS_WEIGHTS, _GAUSS_WEIGHTS).ravel() / 4
-
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The six motions of a virtual node: translations, then rotations in rad."""
 
 
 @dataclass(frozen=True)
 class Rectangle:
-    """Part of a plane y = const.
+    """Part of a plane of the grid.
 
     Parameters
     ----------
-    x, z : (float, float)
-        Lower and upper bound, length.
-    y : float
-        Height of the plane, length.
+    low, high : (float, float, float)
+        Opposite corners, length; they agree in the direction of the normal.
     """
 
-    x: tuple[float, float]
-    y: float
-    z: tuple[float, float]
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
 
     @property
     def centre(self) -> np.ndarray:
         """(3,) coordinates of its middle."""
-        return np.array([sum(self.x) / 2, self.y, sum(self.z) / 2])
+        return (np.array(self.low) + np.array(self.high)) / 2
 
 
 def patch_facets(model: Bricks, body: int, patch: Rectangle) -> np.ndarray:
@@ -80,8 +71,7 @@ def patch_facets(model: Bricks, body: int, patch: Rectangle) -> np.ndarray:
     facets = mesh.boundary_facets()
     facets = facets[model.body[mesh.f2t[0, facets]] == body]
     slack = 1e-9 * np.ptp(mesh.p)
-    low = np.array([patch.x[0], patch.y, patch.z[0]]) - slack
-    high = np.array([patch.x[1], patch.y, patch.z[1]]) + slack
+    low, high = np.array(patch.low) - slack, np.array(patch.high) + slack
     p = mesh.p[:, mesh.facets[:, facets]].transpose(1, 2, 0)
     facets = facets[np.all((low <= p) & (p <= high), axis=(0, 2))]
     if not len(facets):
@@ -106,13 +96,14 @@ def averaging_rows(model: Bricks, facets: np.ndarray, centre: np.ndarray) -> sp.
     low, high = (corner[cells] for corner in model.corners)
     p = mesh.p[:, mesh.facets[:, facets]]
     start, side = p.min(axis=1).T, np.ptp(p, axis=1).T
-    # Gauss points on the face, and in the cell's own coordinates.
-    points = start[:, None] + side[:, None] * _UNIT_FACE
-    area = np.prod(np.where(side > 0, side, 1.0), axis=1)
+    normal = int(np.argmin(side[0]))
+    unit, share_of_area = _gauss_square(normal)
+    # Integration points on the faces, and in the cells' own coordinates.
+    points = start[:, None] + side[:, None] * unit
+    dA = np.prod(np.delete(side, normal, axis=1), axis=1)[:, None] * share_of_area
     X = (points - low[:, None]) / (high - low)[:, None]
     N = np.array([elem.lbasis(X.transpose(2, 0, 1), i)[0] for i in range(model.basis.Nbfun)])
     R = rigid_motion(points - centre)
-    dA = area[:, None] * _WEIGHTS
     gram = np.einsum("fpai,fpaj,fp->ij", R, R, dA)
     share = np.einsum("nfp,fpai,fp->fnai", N, R, dA).reshape(-1, 3, 6)
     weights = np.linalg.solve(gram, share.transpose(2, 0, 1).reshape(6, -1))
@@ -122,6 +113,18 @@ def averaging_rows(model: Bricks, facets: np.ndarray, centre: np.ndarray) -> sp.
     built = sp.csr_array((weights.ravel(), (rows, np.tile(columns, 6))), shape=(6, model.size))
     built.eliminate_zeros()
     return built
+
+
+def _gauss_square(normal: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nine points (9, 3) and weights (9,) of a unit square.
+
+    Exact for quadratic shape functions times the offset from the virtual node.
+    """
+    x, w = np.polynomial.legendre.leggauss(3)
+    a, b = np.meshgrid((x + 1) / 2, (x + 1) / 2)
+    return np.insert(np.stack([a.ravel(), b.ravel()], axis=1), normal, 0.0, axis=1), (
+        np.outer(w, w).ravel() / 4
+    )
 
 
 def rigid_motion(r: np.ndarray) -> np.ndarray:

@@ -1,7 +1,10 @@
 r"""The Sumali beam: two thin strips overlapping over four bolts (thesis Sec. 2.3.2).
 
-SI units. The strips lie along x, their thickness along y, their width along z; A below, from
-x = 0, and B above. The bolts are not meshed: a joint acts between square patches at each.
+SI units. The strips lie along x, their width along y, their thickness along z; A below, from
+x = 0, and B above. The bolts are not meshed: a joint acts between square patches at each, which
+are coupled rigidly in z, rx and ry, joined by springs and an Iwan element in x and y, and free to
+turn about the bolt (rz). With z as the normal of the interface the published frequencies come
+out; with y, the frequencies of the first two modes are 7 to 9 % too low.
 """
 
 from collections.abc import Mapping
@@ -81,17 +84,20 @@ class SumaliGeometry:
         middle = self.width / 2
         places = self.total / 2 + self.spacing * np.array([-1.5, -0.5, 0.5, 1.5])
         return [
-            Rectangle((c - half, c + half), self.thickness, (middle - half, middle + half))
+            Rectangle(
+                (c - half, middle - half, self.thickness), (c + half, middle + half, self.thickness)
+            )
             for c in places.tolist()
         ]
 
 
 _GEOMETRY = SumaliGeometry()
 
+_MIDDLE = _GEOMETRY.width / 2
 SUMALI_SENSORS = {
-    "left": Point((0.0, _GEOMETRY.thickness, _GEOMETRY.width / 2)),
-    "middle": Point((_GEOMETRY.total / 2, 2 * _GEOMETRY.thickness, _GEOMETRY.width / 2)),
-    "right": Point((_GEOMETRY.total, _GEOMETRY.thickness, _GEOMETRY.width / 2)),
+    "left": Point((0.0, _MIDDLE, _GEOMETRY.thickness), "z"),
+    "middle": Point((_GEOMETRY.total / 2, _MIDDLE, 2 * _GEOMETRY.thickness), "z"),
+    "right": Point((_GEOMETRY.total, _MIDDLE, _GEOMETRY.thickness), "z"),
 }
 """Points at the ends and in the middle; the figure with the thesis's own points is lost."""
 
@@ -111,14 +117,16 @@ def sumali_full(
 ) -> FullModel:
     """The beam before its reduction; parameters as for :func:`sumali_beam`."""
     g = geometry
-    edges = [edge for patch in g.patches for edge in patch.x]
-    x = grid_lines([0.0, g.length - g.lap, *edges, g.length, g.total], positive_number(size, "size"))
-    y = grid_lines([0.0, g.thickness, 2 * g.thickness], size)
-    z = grid_lines([0.0, *g.patches[0].z, g.width], size)
-    X, Y, _ = np.meshgrid(*((line[1:] + line[:-1]) / 2 for line in (x, y, z)), indexing="ij")
+    edges = [place for patch in g.patches for place in (patch.low[0], patch.high[0])]
+    x = grid_lines(
+        [0.0, g.length - g.lap, *edges, g.length, g.total], positive_number(size, "size")
+    )
+    y = grid_lines([0.0, g.patches[0].low[1], g.patches[0].high[1], g.width], size)
+    z = grid_lines([0.0, g.thickness, 2 * g.thickness], size)
+    X, _, Z = np.meshgrid(*((line[1:] + line[:-1]) / 2 for line in (x, y, z)), indexing="ij")
     body = np.full(X.shape, EMPTY)
-    body[(g.thickness > Y) & (g.length > X)] = 0
-    body[(g.thickness < Y) & (g.length - g.lap < X)] = 1
+    body[(g.thickness > Z) & (g.length > X)] = 0
+    body[(g.thickness < Z) & (g.length - g.lap < X)] = 1
     mesh = bricks((x, y, z), body, material)
     return lap_joint(mesh, g.patches, ("z", "rx", "ry"), sensors=sensors, inputs=inputs)
 
@@ -135,7 +143,7 @@ def sumali_beam(
 ) -> ReducedModel:
     """Reduced model of the Sumali beam without its joints, kept on disk once built.
 
-    A and B are coupled rigidly at each bolt in z, rx and ry, and free in rz.
+    A and B are coupled rigidly at each bolt in z, rx and ry.
 
     Parameters
     ----------
@@ -156,7 +164,7 @@ def sumali_beam(
     Returns
     -------
     ReducedModel
-        With the rows J1.x, J1.y, J1.rz ... J4.rz.
+        With the rows J1.x, J1.y and J1.rz to J4.rz.
 
     Raises
     ------
