@@ -1,5 +1,7 @@
 """What a matrix must be before it is believed."""
 
+from typing import TypeVar
+
 import numpy as np
 
 from iwanjax.errors import InputError
@@ -58,6 +60,22 @@ def finite_array(value: object, name: str) -> np.ndarray:
             f"index {where}"
         )
     return array
+
+
+_Kind = TypeVar("_Kind")
+
+
+def instance_of(value: object, kind: type[_Kind], name: str) -> _Kind:
+    """The value, when it is of a class.
+
+    Raises
+    ------
+    InputError
+        Naming what arrived and what was expected.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} is a {type(value).__name__}; expected a {kind.__name__}")
+    return value
 
 
 def positive_number(value: object, name: str) -> float:

@@ -114,7 +114,9 @@ class FullModel:
             shape=SurfaceShape(surface.points, surface.quads, surface.patch, basis[corners]),
             fixed_frequency=full.fixed_frequency,
             effective_mass=full.effective_mass(self.rigid),
-            residual_flexibility=dict(zip(self.inputs, full.residual_flexibility, strict=True)),
+            residual_flexibility=dict(
+                zip(self.inputs, full.residual_flexibility.tolist(), strict=True)
+            ),
         )
 
     def modes(
@@ -221,15 +223,15 @@ def check_reduction(
         raise InputError("check_reduction: the reduced model is not a reduction of this full model")
     omega, Phi = map(np.asarray, reduced.model(springs).structure.modes())
     hertz = omega / (2 * np.pi)
+    if not np.any(hertz <= limit):
+        raise InputError(
+            f"no elastic mode below limit = {limit:g} Hz; the first is at {hertz[0]:.6g} Hz"
+        )
     rigid = len(reduced.M) - len(hertz)
     # A reduction never loses a mode: it only finds it too high.
     count = rigid + int(np.sum(hertz <= limit))
     frequency, shapes = full.modes(springs, count + 4, shift=0.1 * hertz[0])
     elastic = (np.arange(count + 4) >= rigid) & (frequency <= limit)
-    if not np.any(elastic):
-        raise InputError(
-            f"no elastic mode below limit = {limit:g} Hz; the first is at {hertz[0]:.6g} Hz"
-        )
     a = shapes[3 * full.surface.nodes[:, None] + np.arange(3)][..., elastic]
     b = np.tensordot(reduced.shape.recovery, Phi, axes=1)
     a, b = (x.reshape(-1, x.shape[-1]) / np.linalg.norm(x, axis=(0, 1)) for x in (a, b))

@@ -156,9 +156,9 @@ def craig_bampton(
             f"M {M.shape}, K {K.shape} and interface {interface.shape} do not fit; expected "
             "(n, n), (n, n) and (b, n)"
         )
-    if not 1 <= modes < n - b - 1:
+    if not isinstance(modes, int) or not 1 <= modes < n - b - 1:
         raise InputError(
-            f"modes = {modes}: expected at least 1 and fewer than {n - b - 1} fixed-interface modes"
+            f"modes = {modes!r}: expected a number of fixed-interface modes, from 1 to {n - b - 2}"
         )
     C = sp.csc_array(interface)
     held = _held(M, K, C)

@@ -15,7 +15,7 @@ import numpy as np
 
 from iwanjax.errors import InputError
 from iwanjax.joints import Iwan4
-from iwanjax.structures.checks import positive_number
+from iwanjax.structures.checks import instance_of, positive_number
 from iwanjax.structures.fem.bricks import EMPTY, Bricks, Material, bricks, grid_lines
 from iwanjax.structures.fem.cache import cached
 from iwanjax.structures.fem.lap_joint import Point, lap_joint
@@ -159,6 +159,7 @@ def brake_reuss_full(
     inputs: Mapping[str, Point] = BRAKE_REUSS_INPUTS,
 ) -> FullModel:
     """The beam before its reduction; parameters as for :func:`brake_reuss_beam`."""
+    geometry = instance_of(geometry, BrakeReussGeometry, "geometry")
     mesh = _mesh(geometry, material, positive_number(size, "size"))
     return lap_joint(mesh, geometry.patches, sensors=sensors, inputs=inputs)
 

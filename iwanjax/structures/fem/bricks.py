@@ -21,12 +21,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from iwanjax.errors import InputError
-from iwanjax.structures.checks import positive_number
+from iwanjax.structures.checks import instance_of, positive_number
 from iwanjax.structures.fem.library import skfem
 
 # Exact for the mass of a rectangular brick but for its highest products; 2 leaves false zero
 # modes, skfem's default takes ten times as long and changes no frequency by 1e-6.
 _QUADRATURE = 4
+# Factors of more would not fit into the memory of a desktop.
+_MOST_CELLS = 30_000
 EMPTY = -1
 """Label of a cell that no body fills."""
 
@@ -172,7 +174,19 @@ def bricks(
     Returns
     -------
     Bricks
+
+    Raises
+    ------
+    InputError
+        For a mesh that is too fine to factorise, and where scikit-fem is missing.
     """
+    instance_of(material, Material, "material")
+    count = int(np.sum(body != EMPTY))
+    if count > _MOST_CELLS:
+        raise InputError(
+            f"the mesh would have {count} elements, about {12 * count} degrees of freedom; choose "
+            f"a larger element size ({_MOST_CELLS} elements at most)"
+        )
     mesh, label = _mesh(lines, body, welds)
     fe = skfem()
     element = fe.ElementHexS2()

@@ -111,10 +111,10 @@ def _read(path: Path, key: str) -> ReducedModel | None:
     """The model in a file, or None when it is missing, damaged or another."""
     try:
         # A zip file carries a checksum of each array.
-        with np.load(path, allow_pickle=False) as file:
-            if file["key"].item() != key:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            if stored["key"].item() != key:
                 return None
-            arrays = dict(file)
+            arrays = dict(stored)
         rows = {
             name: dict(zip(arrays[f"{name}_labels"].tolist(), arrays[name], strict=True))
             for name in _ROWS
@@ -128,5 +128,5 @@ def _read(path: Path, key: str) -> ReducedModel | None:
             shape=SurfaceShape(**shape),
             residual_flexibility=dict(residual),
         )
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
         return None

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from iwanjax.errors import InputError
+from iwanjax.structures.checks import instance_of
 from iwanjax.structures.fem.bricks import Bricks
 from iwanjax.structures.fem.patches import (
     MOTIONS,
@@ -101,8 +102,7 @@ def lap_joint(
 
 def _point_row(bricks: Bricks, name: str, point: Point) -> sp.csr_array:
     """Row (1, n) of one named point."""
-    if not isinstance(point, Point):
-        raise InputError(f"point {name!r} is a {type(point).__name__}; expected a Point")
+    instance_of(point, Point, f"point {name!r}")
     if point.direction not in ("x", "y", "z"):
         raise InputError(f"point {name!r}: direction {point.direction!r} is not x, y or z")
     sides = SIDES if point.side is None else (point.side,)

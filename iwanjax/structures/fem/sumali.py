@@ -14,7 +14,7 @@ import numpy as np
 
 from iwanjax.errors import InputError
 from iwanjax.joints import Iwan4
-from iwanjax.structures.checks import positive_number
+from iwanjax.structures.checks import instance_of, positive_number
 from iwanjax.structures.fem.bricks import EMPTY, Material, bricks, grid_lines
 from iwanjax.structures.fem.cache import cached
 from iwanjax.structures.fem.lap_joint import Point, lap_joint
@@ -116,11 +116,10 @@ def sumali_full(
     inputs: Mapping[str, Point] = SUMALI_SENSORS,
 ) -> FullModel:
     """The beam before its reduction; parameters as for :func:`sumali_beam`."""
-    g = geometry
+    g = instance_of(geometry, SumaliGeometry, "geometry")
+    positive_number(size, "size")
     edges = [place for patch in g.patches for place in (patch.low[0], patch.high[0])]
-    x = grid_lines(
-        [0.0, g.length - g.lap, *edges, g.length, g.total], positive_number(size, "size")
-    )
+    x = grid_lines([0.0, g.length - g.lap, *edges, g.length, g.total], size)
     y = grid_lines([0.0, g.patches[0].low[1], g.patches[0].high[1], g.width], size)
     z = grid_lines([0.0, g.thickness, 2 * g.thickness], size)
     X, _, Z = np.meshgrid(*((line[1:] + line[:-1]) / 2 for line in (x, y, z)), indexing="ij")
