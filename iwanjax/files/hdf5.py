@@ -112,13 +112,7 @@ def _sparse(group: h5py.Group) -> Node:
     starts = np.asarray(group["jc"])
     size = (int(np.asarray(group.attrs["MATLAB_sparse"])), len(starts) - 1)
     columns = np.repeat(np.arange(size[1]), np.diff(starts.astype(np.int64)))
-
-    def build() -> np.ndarray:
-        matrix = np.zeros(size)
-        matrix[rows, columns] = values
-        return matrix
-
-    return dense(size, build)
+    return dense(size, rows, columns, values)
 
 
 def _fields(group: h5py.Group) -> list[str]:

@@ -30,7 +30,8 @@ def _node(value: Any) -> Node:
     if value is None:  # a struct without fields
         return {}
     if hasattr(value, "toarray"):
-        return dense(value.shape, value.toarray)
+        entries = value.tocoo()
+        return dense(entries.shape, entries.row, entries.col, entries.data)
     if isinstance(value, MatlabFunction | MatlabObject | MatlabOpaque):
         return NO_MATLAB
     if not isinstance(value, np.ndarray):

@@ -1,7 +1,7 @@
 """What a name in a file stands for, whatever kind of file it is."""
 
 import difflib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -24,6 +24,24 @@ class Unreadable:
     """
 
     reason: str
+
+
+@dataclass(frozen=True)
+class TooLarge(Unreadable):
+    """A sparse matrix that would not fit with its zeros; its entries are there.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Rows and columns.
+    rows, columns, values : (entries,) array
+        Each entry's place, counted from 0, and value.
+    """
+
+    shape: tuple[int, int]
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
 
 
 Node: TypeAlias = "np.ndarray | dict[str, Node] | Unreadable"
@@ -76,11 +94,16 @@ def plain(array: np.ndarray) -> Node:
     return array
 
 
-def dense(size: tuple[int, ...], build: Callable[[], np.ndarray]) -> Node:
+def dense(
+    shape: tuple[int, int], rows: np.ndarray, columns: np.ndarray, values: np.ndarray
+) -> Node:
     """A sparse matrix with its zeros, if it fits."""
-    if np.prod(size, dtype=float) > _LARGEST_DENSE:
-        return Unreadable(f"is a sparse matrix of shape {size}, too large; reduce it first")
-    return build()
+    if np.prod(shape, dtype=float) > _LARGEST_DENSE:
+        reason = f"is a sparse matrix of shape {shape}, too large; reduce it first"
+        return TooLarge(reason, shape, rows, columns, values)
+    matrix = np.zeros(shape, np.result_type(values, np.float64))
+    matrix[rows, columns] = values
+    return matrix
 
 
 def objects(shape: tuple[int, ...], nodes: Iterable[Node]) -> np.ndarray:
