@@ -34,6 +34,11 @@ class Contents:
     fixed: frozenset[Dof] = field(default_factory=frozenset)
 
 
+def full(matrix: Matrix) -> np.ndarray:
+    """A matrix with its zeros."""
+    return matrix.toarray() if sp.issparse(matrix) else matrix
+
+
 def sparse_matrix(
     rows: np.ndarray, columns: np.ndarray, values: np.ndarray, size: int
 ) -> sp.csr_array:

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from iwanjax.errors import InputError
 from iwanjax.structures.exchange.contents import Matrix
-from iwanjax.structures.exchange.matrices import ImportedMatrices
+from iwanjax.structures.exchange.matrices import ImportedMatrices, completed
 from iwanjax.structures.exchange.node_map import Dof, NodeMap, in_order, listed, told
 
 
@@ -38,6 +38,8 @@ def joined(
     T = parts["T"][0] if "T" in parts else None
     matrices = {role: matrix for role, (matrix, _) in parts.items() if role != "T"}
     maps = {role: nodes for role, (_, nodes) in parts.items() if nodes is not None}
+    if given is not None and fixed:
+        raise InputError("the rows are named in the file itself; leave nodes= out")
     if given is not None or T is not None or len(maps) < len(parts):
         nodes = given if given is not None else next(iter(maps.values()), None)
         return ImportedMatrices(**matrices, T=T, nodes=nodes, sources=sources)
@@ -45,15 +47,19 @@ def joined(
     same = all(own == labels[0] for own in labels)
     everything = labels[0] if same else in_order(set().union(*labels))
     union = NodeMap.of([dof for dof in everything if dof not in fixed])
-    matrices = {role: _moved(matrix, maps[role], union) for role, matrix in matrices.items()}
-    notes = ()
+    notes = []
     if fixed:
         held = listed([told(dof) for dof in in_order(fixed)])
-        notes = (
+        notes.append(
             f"{len(fixed)} DOF(s) that the program holds by a boundary condition (1e36 on the "
-            f"diagonal) are left out: {held}.",
+            f"diagonal) are left out: {held}."
         )
-    return ImportedMatrices(**matrices, nodes=union, sources=sources, notes=notes)
+    for role, matrix in matrices.items():
+        # In another order a triangle would be none.
+        whole, note = completed(matrix, role)
+        notes += [note] if note else []
+        matrices[role] = _moved(whole, maps[role], union)
+    return ImportedMatrices(**matrices, nodes=union, sources=sources, notes=tuple(notes))
 
 
 def _moved(matrix: Matrix, own: NodeMap, union: NodeMap) -> Matrix:

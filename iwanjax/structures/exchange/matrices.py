@@ -73,11 +73,9 @@ class ImportedMatrices:
             )
         notes = list(self.notes)
         for name, matrix in matrices.items():
-            triangle = _triangle(matrix)
-            if triangle:
-                matrix = mirrored(matrix)
-                notes.append(f"{name} holds its {triangle} triangle only; the other was completed.")
-            object.__setattr__(self, name, self._symmetric(matrix, name))
+            whole, note = completed(matrix, name)
+            notes += [note] if note else []
+            object.__setattr__(self, name, self._symmetric(whole, name))
         object.__setattr__(self, "T", T)
         object.__setattr__(self, "notes", tuple(notes))
 
@@ -123,6 +121,14 @@ class ImportedMatrices:
             )
         whole = 0.5 * (matrix + matrix.T)
         return whole.tocsr() if sp.issparse(whole) else whole
+
+
+def completed(matrix: Matrix, name: str) -> tuple[Matrix, str]:
+    """A matrix with both triangles, and a sentence if one of them was missing."""
+    triangle = _triangle(matrix)
+    if not triangle:
+        return matrix, ""
+    return mirrored(matrix), f"{name} holds its {triangle} triangle only; the other was completed."
 
 
 def mirrored(matrix: Matrix) -> Matrix:

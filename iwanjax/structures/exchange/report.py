@@ -1,0 +1,205 @@
+"""What imported matrices say about their structure, in plain sentences."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from iwanjax.errors import InputError
+from iwanjax.structures.exchange.contents import Matrix
+from iwanjax.structures.exchange.matrices import ImportedMatrices
+from iwanjax.structures.exchange.node_map import listed
+from iwanjax.structures.exchange.spectrum import (
+    definiteness,
+    eigenvalues_below,
+    lowest_eigenvalues,
+)
+from iwanjax.structures.exchange.units import frequency_warning, mass_sentence, mix_up_sentence
+
+# A rigid-body eigenvalue is smaller than the first elastic one by this at least, that is a
+# frequency by 1000; a structure on soft suspension has its own by 10 to 100.
+_GAP = 1e-6
+_SOFT = 1e-2
+# Total masses in different directions agree so well, unless supports take some away.
+_SAME_MASS = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixReport:
+    """What :func:`check_matrices` found; ``print(report)`` tells it.
+
+    Attributes
+    ----------
+    size : int
+        Number of coordinates n.
+    total_mass : dict of str to float
+        Mass that moves in ux, uy, uz; empty without a node map.
+    massless : tuple of str
+        DOFs without mass.
+    rigid_bodies : int or None
+        Motions without stiffness; None where frequencies could not be computed.
+    frequency : (modes,) array
+        Lowest elastic frequencies, Hz.
+    sentences : tuple of str
+        What is there and what was changed.
+    warnings : tuple of str
+        What should be looked at first.
+    """
+
+    size: int
+    total_mass: dict[str, float]
+    massless: tuple[str, ...]
+    rigid_bodies: int | None
+    frequency: np.ndarray
+    sentences: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return "\n".join((*self.sentences, *(f"Warning: {text}" for text in self.warnings)))
+
+
+def check_matrices(
+    matrices: ImportedMatrices, *, modes: int = 6, expected: float | None = None
+) -> MatrixReport:
+    """Whether M and K can be believed: definiteness, supports, mass, frequencies, units.
+
+    Parameters
+    ----------
+    matrices : ImportedMatrices
+        From :func:`read_matrices`.
+    modes : int
+        How many elastic frequencies to compute.
+    expected : float, optional
+        First elastic frequency that you expect, Hz: tells mixed-up units apart.
+
+    Returns
+    -------
+    MatrixReport
+
+    Raises
+    ------
+    InputError
+        For a number of modes or an expected frequency that is not positive, and when some
+        motion has neither mass nor stiffness.
+    """
+    if modes < 1 or (expected is not None and not expected > 0):
+        raise InputError(f"modes = {modes}, expected = {expected}; expected positive numbers")
+    M, K = matrices.M, matrices.K
+    sentences = [f"M and K have {matrices.size} rows, both symmetric.", *matrices.notes]
+    warnings: list[str] = []
+    empty_M, empty_K = (np.ravel(abs(matrix).sum(axis=0)) == 0 for matrix in (M, K))
+    massless = tuple(matrices.label(int(i)) for i in np.flatnonzero(empty_M))
+    bare = np.flatnonzero(empty_M & empty_K)
+    if massless:
+        warnings.append(
+            f"{len(massless)} of {matrices.size} DOFs have no mass: {listed(massless)}; condense "
+            "them out before the matrices become a model."
+        )
+    if len(bare):
+        warnings.append(
+            f"{len(bare)} DOFs have neither mass nor stiffness and are passed over below: "
+            f"{listed([matrices.label(int(i)) for i in bare])}; leave them out of the export."
+        )
+        kept = np.flatnonzero(~(empty_M & empty_K))
+        M, K = M[kept][:, kept], K[kept][:, kept]
+    total = _total_mass(matrices)
+    if total:
+        sentences.append(mass_sentence(max(total.values())))
+        if max(total.values()) - min(total.values()) > _SAME_MASS * max(total.values()):
+            told = ", ".join(f"{name} {value:.4g}" for name, value in total.items())
+            warnings.append(f"The mass that moves is not the same in all directions: {told}.")
+    rigid, frequency = None, np.empty(0)
+    if sound := _mass_fault(matrices, empty_M):
+        warnings.append(sound)
+    else:
+        spectrum = lowest_eigenvalues(K, M, 6 + modes + 1)
+        if spectrum.negative:
+            warnings.append(
+                f"K is not positive semidefinite: {spectrum.negative} eigenvalue(s) of (K, M) are "
+                "negative; check signs, and whether K holds preload."
+            )
+        else:
+            rigid = _rigid_count(spectrum.values)
+            bound = _between(spectrum.values, rigid)
+            # Lanczos may miss one of several equal eigenvalues; the inertia does not.
+            rigid += 0 if bound is None else eigenvalues_below(K, M, bound) - rigid
+            elastic = spectrum.values[spectrum.values > (bound or -np.inf)]
+            frequency = np.sqrt(np.maximum(elastic, 0.0))[:modes] / (2 * np.pi)
+            sentences.append(_support(rigid, total, warnings))
+            warnings += _soft(spectrum.values, rigid)
+    if len(frequency):
+        sentences.append(mix_up_sentence(float(frequency[0])))
+        warning = frequency_warning(float(frequency[0]), expected)
+        warnings += [warning] if warning else []
+    return MatrixReport(
+        matrices.size, total, massless, rigid, frequency, tuple(sentences), tuple(warnings)
+    )
+
+
+def _total_mass(matrices: ImportedMatrices) -> dict[str, float]:
+    """Mass r^T M r that moves with the structure translated by r."""
+    if matrices.nodes is None or matrices.T is not None:
+        return {}
+    dofs = np.array(matrices.nodes.dofs)
+    found = {}
+    for name in ("ux", "uy", "uz"):
+        r = (dofs == name).astype(float)
+        if np.any(r):
+            found[name] = float(r @ (matrices.M @ r))
+    return found
+
+
+def _mass_fault(matrices: ImportedMatrices, empty: np.ndarray) -> str:
+    """Why the mass is none, or nothing."""
+    diagonal = matrices.M.diagonal()
+    if np.all(empty):
+        return "M is zero everywhere: was the density left out?"
+    bad = np.flatnonzero((diagonal <= 0) & ~empty)
+    if len(bad):
+        where = listed([matrices.label(int(i)) for i in bad])
+        return f"M is not positive definite: its diagonal is not positive at {where}."
+    kept = np.flatnonzero(~empty)
+    kind = definiteness(_part(matrices.M, kept))
+    if kind == "indefinite":
+        return "M is not positive definite: some motion has negative mass; check the export."
+    return ""
+
+
+def _part(matrix: Matrix, kept: np.ndarray) -> Matrix:
+    return matrix[kept][:, kept] if len(kept) < matrix.shape[0] else matrix
+
+
+def _rigid_count(values: np.ndarray) -> int:
+    """How many of the lowest eigenvalues vanish beside the next."""
+    vanish = np.abs(values[:-1]) < _GAP * values[1:]
+    return int(np.flatnonzero(vanish)[-1]) + 1 if np.any(vanish) else 0
+
+
+def _between(values: np.ndarray, rigid: int) -> float | None:
+    """A bound between the rigid-body eigenvalues and the first elastic one."""
+    return None if rigid == 0 else float(np.sqrt(_GAP) * values[rigid])
+
+
+def _support(rigid: int, total: dict[str, float], warnings: list[str]) -> str:
+    """What the number of rigid-body modes says about the supports."""
+    free = {1: 1, 2: 3}.get(len(total), 6)
+    if rigid == 0:
+        return "No rigid-body modes: the structure is supported."
+    if rigid == free:
+        return f"{rigid} rigid-body mode(s): the structure is free."
+    few, many = "it is partly supported", f"{rigid - free} mechanism(s): something is not connected"
+    warnings.append(
+        f"{rigid} rigid-body mode(s) where a free structure has {free} and a supported one 0: "
+        + (few + ", or has mechanisms." if rigid < free else many + ".")
+    )
+    return f"{rigid} rigid-body mode(s)."
+
+
+def _soft(values: np.ndarray, rigid: int) -> list[str]:
+    """A free structure that does not quite look it."""
+    if rigid or len(values) < 7 or values[5] > _SOFT * values[6]:
+        return []
+    low, high = np.sqrt(np.abs(values[5:7])) / (2 * np.pi)
+    return [
+        f"The six lowest frequencies end at {low:.3g} Hz, far below the seventh, {high:.3g} Hz: a "
+        "soft suspension, or a free structure written with few digits."
+    ]
