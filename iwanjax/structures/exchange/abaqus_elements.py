@@ -18,7 +18,7 @@ from iwanjax.structures.exchange.keywords import Section
 from iwanjax.structures.exchange.node_map import Dof, NodeMap, dof_name, in_order
 from iwanjax.structures.exchange.text import number_table
 
-_ROLES = {"STIFFNESS": "K", "MASS": "M"}
+_ROLES = {"STIFFNESS": "K", "MASS": "M", "VISCOUS DAMPING": "C"}
 _NUMBER = re.compile(r"ELEMENT NUMBER\s+(\d+)", re.IGNORECASE)
 
 
@@ -46,9 +46,13 @@ def assembled_elements(parts: Sequence[Section]) -> Contents:
     for part in parts:
         if part.keyword == "USER ELEMENT":
             element = _Element(number, _dofs(part))
-        elif part.keyword == "MATRIX" and (
-            role := _ROLES.get(part.options.get("TYPE", "").upper())
-        ):
+        elif part.keyword == "MATRIX":
+            role = _ROLES.get(part.options.get("TYPE", "").upper())
+            if role is None:
+                raise InputError(
+                    f"line {part.start - 1}: *MATRIX is of type {part.options.get('TYPE', '')!r}; "
+                    f"expected TYPE={', '.join(_ROLES)}; is the file cut short?"
+                )
             if element is None:
                 raise InputError(f"line {part.start - 1}: *MATRIX stands before any *USER ELEMENT")
             if (element.number, role) in added:

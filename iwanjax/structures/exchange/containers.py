@@ -11,8 +11,8 @@ from iwanjax.files import Node, TooLarge, read_arrays
 from iwanjax.structures.exchange.contents import Contents, Matrix
 from iwanjax.structures.exchange.node_map import NodeMap
 
-# What scipy.sparse.save_npz writes.
-_SPARSE_NPZ = {"format", "shape", "data", "indices", "indptr"}
+# What scipy.sparse.save_npz always writes.
+_SPARSE_NPZ = {"format", "shape", "data"}
 
 
 def read_container(path: Path) -> Contents:
@@ -28,7 +28,7 @@ def read_container(path: Path) -> Contents:
         As :func:`iwanjax.files.read_arrays`, and for a node map of wrong kind.
     """
     found = read_arrays(path)
-    if set(found) == _SPARSE_NPZ:
+    if path.suffix.lower() == ".npz" and found.keys() >= _SPARSE_NPZ:
         return Contents({"": sp.csr_array(sp.load_npz(path))})
     matrices = {
         name: matrix for name, node in found.items() if (matrix := _matrix(node)) is not None

@@ -88,16 +88,18 @@ def _header(lines: list[str]) -> tuple[list[int], tuple[int, int, int]]:
 
 
 def _numbers(block: list[str], form: str, count: int, name: str, start: int) -> np.ndarray:
-    """Numbers of a Fortran format, whose fields may touch."""
+    """Numbers of a Fortran format: by blanks, for not all writers keep to it, or by its widths."""
     match = _FORMAT.fullmatch(form)
     if match is None:
         raise InputError(f"format {form} of the {name} is unknown; expected such as (10I8)")
     each, width = int(match[1] or 1), int(match[2])
-    fields = [
-        line[i : i + width]
-        for line in block
-        for i in range(0, min(len(line.rstrip()), each * width), width)
-    ]
+    fields = " ".join(block).split()
+    if len(fields) != count:
+        fields = [
+            line[i : i + width]
+            for line in block
+            for i in range(0, min(len(line.rstrip()), each * width), width)
+        ]
     if len(fields) != count:
         raise InputError(
             f"holds {len(fields)} {name} of {count} from line {start} on; is the file cut short?"

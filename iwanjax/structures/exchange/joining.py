@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from iwanjax.errors import InputError
 from iwanjax.structures.exchange.contents import Matrix
-from iwanjax.structures.exchange.matrices import ImportedMatrices, completed
+from iwanjax.structures.exchange.matrices import ImportedMatrices, completed, real_matrix
 from iwanjax.structures.exchange.node_map import Dof, NodeMap, in_order, listed, told
 
 
@@ -40,11 +40,11 @@ def joined(
     maps = {role: nodes for role, (_, nodes) in parts.items() if nodes is not None}
     if given is not None and fixed:
         raise InputError("the rows are named in the file itself; leave nodes= out")
-    if given is not None or T is not None or len(maps) < len(parts):
-        nodes = given if given is not None else next(iter(maps.values()), None)
-        return ImportedMatrices(**matrices, T=T, nodes=nodes, sources=sources)
     labels = [nodes.labels() for nodes in maps.values()]
     same = all(own == labels[0] for own in labels)
+    if given is not None or T is not None or len(maps) < len(parts) or (same and not fixed):
+        nodes = given if given is not None else next(iter(maps.values()), None)
+        return ImportedMatrices(**matrices, T=T, nodes=nodes, sources=sources)
     everything = labels[0] if same else in_order(set().union(*labels))
     union = NodeMap.of([dof for dof in everything if dof not in fixed])
     notes = []
@@ -56,7 +56,7 @@ def joined(
         )
     for role, matrix in matrices.items():
         # In another order a triangle would be none.
-        whole, note = completed(matrix, role)
+        whole, note = completed(real_matrix(matrix, role), role)
         notes += [note] if note else []
         matrices[role] = _moved(whole, maps[role], union)
     return ImportedMatrices(**matrices, nodes=union, sources=sources, notes=tuple(notes))
@@ -65,7 +65,9 @@ def joined(
 def _moved(matrix: Matrix, own: NodeMap, union: NodeMap) -> Matrix:
     """A matrix with its rows and columns where the joint node map has them."""
     if own.size != matrix.shape[0]:
-        raise InputError(f"node map has {own.size} rows; expected {matrix.shape[0]}")
+        raise InputError(
+            f"node map has {own.size} rows; expected {matrix.shape[0]} like its matrix"
+        )
     if own.labels() == union.labels():
         return matrix
     places = {dof: i for i, dof in enumerate(union.labels())}

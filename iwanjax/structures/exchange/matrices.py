@@ -54,7 +54,9 @@ class ImportedMatrices:
 
     def __post_init__(self) -> None:
         given = {"K": self.K, "M": self.M, "C": self.C}
-        matrices = {name: _real(value, name) for name, value in given.items() if value is not None}
+        matrices = {
+            name: real_matrix(value, name) for name, value in given.items() if value is not None
+        }
         n = matrices["K"].shape[0]
         for name, matrix in matrices.items():
             if matrix.shape != (n, n) or n == 0:
@@ -62,7 +64,7 @@ class ImportedMatrices:
                     f"{name} has shape {matrix.shape}; expected "
                     + ("a square matrix (n, n)" if name == "K" else f"({n}, {n}) like K")
                 )
-        T = None if self.T is None else _real(self.T, "T")
+        T = None if self.T is None else real_matrix(self.T, "T")
         if T is not None and T.shape[-1:] != (n,):
             raise InputError(f"T has shape {T.shape}; expected (p, {n}): physical motions u = T q")
         mapped = n if T is None else T.shape[0]
@@ -153,8 +155,14 @@ def _triangle(matrix: Matrix) -> str:
     return "" if bool(below) == bool(above) else "lower" if below else "upper"
 
 
-def _real(value: object, name: str) -> Matrix:
-    """A finite float64 matrix, dense as it is or sparse by rows."""
+def real_matrix(value: object, name: str) -> Matrix:
+    """A finite float64 matrix, dense as it is or sparse by rows.
+
+    Raises
+    ------
+    InputError
+        When it is no matrix, or holds text, complex numbers, NaN or infinity.
+    """
     if not sp.issparse(value):
         matrix = finite_array(value, name)
         if matrix.ndim != 2:

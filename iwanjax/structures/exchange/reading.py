@@ -162,9 +162,9 @@ def _paired(path: Path, contents: Contents, wanted: Mapping[str, str]) -> dict[s
             f"{path}: holds {pairs}; say which by names={{'K': ..., 'M': ...}} of read_matrices"
         )
     else:
-        held = ", ".join(sorted(contents.matrices)) or "no matrix"
-        missing = "the mass" if len(contents.matrices) == 1 else "a K and an M that belong together"
-        held = "one matrix without a name" if held == "" else held
+        held = " and ".join(sorted(contents.matrices)) or "no matrix with a name"
+        sole = len(contents.matrices) == 1 and "M" not in by_capitals
+        missing = "the mass" if sole else "a K and an M that belong together"
         raise InputError(
             f"{path}: {missing} is missing: it holds {held}; pass mass= with the file of the mass, "
             "or names= if they are called otherwise"
@@ -172,7 +172,9 @@ def _paired(path: Path, contents: Contents, wanted: Mapping[str, str]) -> dict[s
     found = {role: _name(path, contents, name) for role, name in wanted.items()}
     for role, letters in _LETTERS.items():
         for letter in letters:
-            name = by_capitals.get(f"{letter}{ending}") if ending is not None else None
+            # Nastran's damping is BAA; a plain B is rather the rows of the joints.
+            known = ending is not None and (letter != "B" or ending)
+            name = by_capitals.get(f"{letter}{ending}") if known else None
             if name is not None:
                 found.setdefault(role, name)
     return found
