@@ -10,14 +10,11 @@ from iwanjax.structures.exchange.matrices import ImportedMatrices
 from iwanjax.structures.exchange.node_map import listed
 from iwanjax.structures.exchange.spectrum import (
     definiteness,
-    eigenvalues_below,
     lowest_eigenvalues,
 )
 from iwanjax.structures.exchange.units import frequency_warning, mass_sentence, mix_up_sentence
 
-# A rigid-body eigenvalue is smaller than the first elastic one by this at least, that is a
-# frequency by 1000; a structure on soft suspension has its own by 10 to 100.
-_GAP = 1e-6
+# A soft suspension leaves the six lowest eigenvalues below the seventh by this at least.
 _SOFT = 1e-2
 # Total masses in different directions agree so well, unless supports take some away.
 _SAME_MASS = 0.02
@@ -111,21 +108,18 @@ def check_matrices(
     if sound := _mass_fault(matrices, empty_M):
         warnings.append(sound)
     else:
-        spectrum = lowest_eigenvalues(K, M, 6 + modes + 1)
+        spectrum = lowest_eigenvalues(K, M, max(modes, 7))
         if spectrum.negative:
             warnings.append(
                 f"K is not positive semidefinite: {spectrum.negative} eigenvalue(s) of (K, M) are "
                 "negative; check signs, and whether K holds preload."
             )
         else:
-            rigid = _rigid_count(spectrum.values)
-            bound = _between(spectrum.values, rigid)
-            # Lanczos may miss one of several equal eigenvalues; the inertia does not.
-            rigid += 0 if bound is None else eigenvalues_below(K, M, bound) - rigid
-            elastic = spectrum.values[spectrum.values > (bound or -np.inf)]
-            frequency = np.sqrt(np.maximum(elastic, 0.0))[:modes] / (2 * np.pi)
+            rigid = spectrum.rigid
+            frequency = np.sqrt(spectrum.elastic) / (2 * np.pi)
             sentences.append(_support(rigid, total, warnings))
-            warnings += _soft(spectrum.values, rigid)
+            warnings += [] if rigid else _soft(frequency)
+            frequency = frequency[:modes]
     if len(frequency):
         sentences.append(mix_up_sentence(float(frequency[0])))
         warning = frequency_warning(float(frequency[0]), expected)
@@ -168,17 +162,6 @@ def _part(matrix: Matrix, kept: np.ndarray) -> Matrix:
     return matrix[kept][:, kept] if len(kept) < matrix.shape[0] else matrix
 
 
-def _rigid_count(values: np.ndarray) -> int:
-    """How many of the lowest eigenvalues vanish beside the next."""
-    vanish = np.abs(values[:-1]) < _GAP * values[1:]
-    return int(np.flatnonzero(vanish)[-1]) + 1 if np.any(vanish) else 0
-
-
-def _between(values: np.ndarray, rigid: int) -> float | None:
-    """A bound between the rigid-body eigenvalues and the first elastic one."""
-    return None if rigid == 0 else float(np.sqrt(_GAP) * values[rigid])
-
-
 def _support(rigid: int, total: dict[str, float], warnings: list[str]) -> str:
     """What the number of rigid-body modes says about the supports."""
     free = {1: 1, 2: 3}.get(len(total), 6)
@@ -194,12 +177,11 @@ def _support(rigid: int, total: dict[str, float], warnings: list[str]) -> str:
     return f"{rigid} rigid-body mode(s)."
 
 
-def _soft(values: np.ndarray, rigid: int) -> list[str]:
+def _soft(frequency: np.ndarray) -> list[str]:
     """A free structure that does not quite look it."""
-    if rigid or len(values) < 7 or values[5] > _SOFT * values[6]:
+    if len(frequency) < 7 or (frequency[5] / frequency[6]) ** 2 > _SOFT:
         return []
-    low, high = np.sqrt(np.abs(values[5:7])) / (2 * np.pi)
     return [
-        f"The six lowest frequencies end at {low:.3g} Hz, far below the seventh, {high:.3g} Hz: a "
-        "soft suspension, or a free structure written with few digits."
+        f"The six lowest frequencies end at {frequency[5]:.3g} Hz, far below the seventh, "
+        f"{frequency[6]:.3g} Hz: a soft suspension, or a free structure written with few digits."
     ]

@@ -19,32 +19,39 @@ _DENSE = 400
 _SHIFTS = (1e-10, 1e-7, 1e-5)
 # Of a matrix scaled to a unit diagonal, pivots smaller than this are round-off.
 _PIVOT = 1e-12
+# A rigid-body eigenvalue is smaller than the first elastic one by this at least, that is a
+# frequency by 1000; a structure on soft suspension has its own by 10 to 100.
+_GAP = 1e-6
 
 
 class Spectrum(NamedTuple):
     """Lowest eigenvalues of K x = lambda M x.
 
-    ``values`` (count,), (rad/s)^2, ascending; none when ``negative``, the number of
-    eigenvalues that are negative beyond round-off, is not 0.
+    ``rigid`` of them vanish. ``elastic`` (count,), (rad/s)^2, ascending, are the next; none
+    when ``negative``, the number that are negative beyond round-off, is not 0.
     """
 
-    values: np.ndarray
+    rigid: int
+    elastic: np.ndarray
     negative: int
 
 
 def lowest_eigenvalues(K: Matrix, M: Matrix, count: int) -> Spectrum:
-    r"""The lowest eigenvalues by shift and invert about a small negative shift.
+    r"""The lowest eigenvalues by shift and invert about a negative shift.
 
     With :math:`A = K + \sigma M` positive definite, the eigenvalues of :math:`M x = \mu A x` give
-    :math:`\lambda = 1/\mu - \sigma`; a massless DOF has :math:`\mu = 0`. By Sylvester's law the
-    negative pivots of A count the eigenvalues below :math:`-\sigma`.
+    :math:`\lambda = 1/\mu - \sigma`; a massless DOF has :math:`\mu = 0`. A first, small
+    :math:`\sigma` tells the definiteness of K and finds about where the elastic eigenvalues
+    begin; from there they come out accurately. By Sylvester's law of inertia the negative
+    pivots of A count the eigenvalues below :math:`-\sigma`, and those of
+    :math:`K - \tau M` the rigid-body modes, of which Lanczos iterations may miss some.
 
     Parameters
     ----------
     K, M : (n, n) array or sparse array
         Stiffness, and a positive semidefinite mass.
     count : int
-        How many; fewer come out where fewer are finite.
+        How many elastic ones; fewer come out where fewer are finite.
 
     Raises
     ------
@@ -54,7 +61,7 @@ def lowest_eigenvalues(K: Matrix, M: Matrix, count: int) -> Spectrum:
     stiff, heavy = K.diagonal(), M.diagonal()
     ratios = np.abs(stiff[heavy > 0] / heavy[heavy > 0])
     typical = float(np.median(ratios)) or float(np.max(ratios)) or 1.0
-    count = min(count, int(np.sum(heavy > 0)))
+    wanted = min(6 + count + 1, int(np.sum(heavy > 0)))
     negative = 0
     for shift in _SHIFTS:
         sigma = shift * typical
@@ -62,20 +69,37 @@ def lowest_eigenvalues(K: Matrix, M: Matrix, count: int) -> Spectrum:
         below = int(np.sum(factor.pivots < -_PIVOT))
         negative = negative or below
         # Where A is singular but for round-off, a larger shift may do.
-        values = None if below else factor.largest(M, count)
-        if values is not None:
-            return Spectrum(np.sort(1.0 / values - sigma), 0)
+        rough = None if below else factor.largest(M, wanted)
+        if rough is not None:
+            return _refined(K, M, np.sort(1.0 / rough - sigma), count, _GAP * sigma)
     if negative:
-        return Spectrum(np.empty(0), negative)
+        return Spectrum(0, np.empty(0), negative)
     raise InputError(
         "K and M are singular together: some motion has neither mass nor stiffness; look for "
         "nodes that nothing holds"
     )
 
 
-def eigenvalues_below(K: Matrix, M: Matrix, bound: float) -> int:
-    """How many eigenvalues of (K, M) lie below a bound, by Sylvester's law of inertia."""
-    return int(np.sum(_factored(K - bound * M).pivots < 0))
+def _refined(K: Matrix, M: Matrix, rough: np.ndarray, count: int, zero: float) -> Spectrum:
+    """Rigid-body and elastic eigenvalues, given what the lowest and a zero are about."""
+    rigid = _vanishing(rough, zero)
+    if rigid == len(rough):
+        return Spectrum(rigid, np.empty(0), 0)
+    sigma = float(rough[rigid])
+    found = _factored(K + sigma * M).largest(M, len(rough))
+    values = rough if found is None else np.sort(1.0 / found - sigma)
+    bound = np.sqrt(_GAP) * float(values[_vanishing(values, zero)])
+    if rigid:
+        pivots = _factored(K - bound * M).pivots
+        rigid = int(np.sum(pivots < 0)) if len(pivots) == K.shape[0] else rigid
+    return Spectrum(rigid, values[values > bound][:count], 0)
+
+
+def _vanishing(values: np.ndarray, zero: float) -> int:
+    """How many of ascending eigenvalues vanish, by themselves or beside the next."""
+    vanish = np.abs(values) < zero
+    vanish[:-1] |= np.abs(values[:-1]) < _GAP * values[1:]
+    return int(np.flatnonzero(vanish)[-1]) + 1 if np.any(vanish) else 0
 
 
 def definiteness(M: Matrix) -> str:
@@ -87,7 +111,8 @@ def definiteness(M: Matrix) -> str:
 class _Factor(NamedTuple):
     """A symmetric matrix A scaled to a unit diagonal, and its factors.
 
-    ``pivots`` have the signs of the eigenvalues. ``largest(M, count)`` are the largest mu of
+    ``pivots`` have the signs of the eigenvalues; there is but one, 0, where it cannot be
+    factored. ``largest(M, count)`` are the largest mu of
     M x = mu A x, or None where A is not definite.
     """
 

@@ -67,13 +67,13 @@ def frequency_warning(first: float, expected: float | None) -> str:
         )
     if _near(first, expected):
         return ""
-    for mix_up in MIX_UPS:
-        if _near(first * mix_up.factor, expected):
-            return (
-                f"The first elastic frequency, {first:.4g} Hz, is far from the {expected:.4g} Hz "
-                f"expected, but the units would explain it: {mix_up.units} make it "
-                f"{first * mix_up.factor:.4g} Hz."
-            )
+    mix_up = min(MIX_UPS, key=lambda m: abs(np.log(first * m.factor / expected)))
+    if _near(first * mix_up.factor, expected):
+        return (
+            f"The first elastic frequency, {first:.4g} Hz, is far from the {expected:.4g} Hz "
+            f"expected, but the units would explain it: {mix_up.units} make it "
+            f"{first * mix_up.factor:.4g} Hz."
+        )
     return (
         f"The first elastic frequency, {first:.4g} Hz, is far from the {expected:.4g} Hz expected, "
         "and none of the usual mix-ups of units explains it: compare supports and masses."
