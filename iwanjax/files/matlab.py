@@ -30,6 +30,7 @@ def _node(value: Any) -> Node:
     if value is None:  # a struct without fields
         return {}
     if hasattr(value, "toarray"):
+        value.check_format(full_check=True)  # indices beyond the size crash the interpreter
         entries = value.tocoo()
         return dense(entries.shape, entries.row, entries.col, entries.data)
     if isinstance(value, MatlabFunction | MatlabObject | MatlabOpaque):

@@ -163,7 +163,9 @@ def test_a_substructure_of_calculix(tmp_path):
 STEP_2 = ELEMENTS + ELEMENTS.replace("STEP NUMBER       1", "STEP NUMBER       2")
 BAD = {
     "text": (STIFFNESS.replace("-3.0", "-x.0", 1), ["line 2", "'-x.000", "not a number"]),
-    "cut": (STIFFNESS[:-24], ["line 5 holds 4 numbers", "expected 5", "cut short"]),
+    "cut": (STIFFNESS[:-24] + "\n", ["line 5 holds 4 numbers", "expected 5", "cut short"]),
+    "number cut": (STIFFNESS[:-5], ["line 5", "does not end", "cut short"]),
+    "line cut off": (STIFFNESS[: STIFFNESS.index("4,1, 4")], ["node 4 ux has no diagonal"]),
     "NaN": (
         STIFFNESS.replace("7.0", "nan", 1).replace("nan00000000000000e+02", "nan"),
         ["line 3", "NaN"],
@@ -178,8 +180,11 @@ BAD = {
     "another keyword": ("*HEADING\n text\n", ["line 1", "*HEADING"]),
     "empty": ("\n\n", ["is empty"]),
     "step twice": (STEP_2, ["element 5 has its K twice", "one step"]),
-    "element cut": (ELEMENTS[:-10], ["line 23", "element 6 has 2 numbers for 2 DOFs", "cut short"]),
-    "keyword cut": (ELEMENTS[:-60], ["line 22", "*MATRIX is of type", "cut short"]),
+    "element cut": (
+        ELEMENTS[:-10] + "\n",
+        ["line 23", "element 6 has 2 numbers for 2 DOFs", "cut short"],
+    ),
+    "keyword cut": (ELEMENTS[:-60] + "\n", ["line 22", "*MATRIX is of type", "cut short"]),
     "no nodes": (ELEMENTS.replace("**       4,       2\n", ""), ["line 15", "2 nodes has 0"]),
 }
 

@@ -38,7 +38,7 @@ BAD_LINES = {
     "NaN": ("2 2 nan\n", ["line 3", "NaN"]),
     "cut": ("2 2\n", ["line 3 holds 2 numbers", "expected 3"]),
     "index 0": ("0 2 1.0\n", ["line 3", "row is 0", "from 1"]),
-    "beyond": ("4 4 1.0\n", ["row 4", "node map beside it has 3 rows"]),
+    "beyond": ("4 4 1.0\n", ["row 4", "job.dof has 3 rows"]),
     "doubled": ("6 6 1.0\n", ["row 6", "cyclic symmetry"]),
     "twice": ("3 3 1.0\n", ["entry (3, 3) stands 2 times"]),
 }
@@ -50,6 +50,15 @@ def test_bad_lines_of_calculix(tmp_path, line, words):
     lines = coordinates(K, keep=upper).splitlines(keepends=True)
     put(path, "".join([*lines[:2], line, *lines[2:]]))
     refused([str(path), *words], read_matrices, path)
+
+
+def test_a_text_file_cut_short_in_its_last_line_or_after_one(tmp_path):
+    path = calculix(tmp_path)
+    text = path.read_text()
+    put(path, text[:-3])  # a smaller exponent would go unnoticed
+    refused([str(path), "line 5, the last, does not end", "cut short"], read_matrices, path)
+    put(path, "".join(text.splitlines(keepends=True)[:-1]))
+    refused([str(path), "row 3 has no diagonal entry", "cut short"], read_matrices, path)
 
 
 def test_binary_content_under_a_text_extension(tmp_path):
@@ -75,7 +84,7 @@ def test_bad_dof_files(tmp_path, dof, words):
 
 
 BAD_MAPPINGS = {
-    "cut": (MAPPING[:-10], ["line 4", "equation, node, DOF"]),
+    "cut": (MAPPING[:-10] + "\n", ["line 4", "equation, node, DOF"]),
     "short": (MAPPING[:-34], ["2 rows", "expected 3"]),
     "missing": (MAPPING.replace("  2   ", "  4   ", 1), ["equation 2 is missing"]),
     "twice": (MAPPING.replace("  2   ", "  1   ", 1), ["line 3", "equation 1 stands there twice"]),
@@ -96,9 +105,10 @@ def test_bad_tables_of_nodes(tmp_path):
 
 
 BAD_HEADERS = {
-    "cut header": (ANSYS[:300], ["column pointers", "cut short"]),
+    "cut header": (ANSYS[:300], ["does not end", "cut short"]),
+    "cut pointers": (ANSYS[: ANSYS.index("F   ")] + f"F\n{1:14}\n", ["1 column pointers of 4"]),
     "cut values": (ANSYS[: ANSYS.index("-0.4")], ["3 values of 5", "cut short"]),
-    "two lines": ("a\nb\n", ["2 lines", "header of four"]),
+    "two lines": ("a\nb\n", ["fewer lines than the four"]),
     "no counts": (ANSYS.replace("17", "xx"), ["lines 2 and 3", "ASCII"]),
     "complex": (ANSYS.replace("RSA", "CSA"), ["type CSA", "RSA or RUA"]),
     "elements": (ANSYS.replace("RSA", "RSE"), ["type RSE", "assembled"]),
@@ -120,10 +130,16 @@ def test_bad_matrix_market_files(tmp_path):
     good = put(tmp_path / "M.mtx", "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 2.\n")
     head = "%%MatrixMarket matrix coordinate {} general\n2 2 2\n1 1 5.\n"
     for text, words in (
-        (head.format("real"), ["cannot be read", "cut short"]),
-        (head.format("real") + "3 2 1.\n", ["cannot be read"]),
-        (head.format("real") + "2 2 x\n", ["cannot be read"]),
+        (head.format("real"), ["holds 1 entries", "says 2", "cut short"]),
+        (head.format("real") + "3 2 1.\n", ["row or column 3", "up to 2"]),
+        (head.format("real") + "2 2 x\n", ["line 4", "'x'"]),
+        (head.format("real") + "1 1 5.\n", ["entry (1, 1) stands 2 times"]),
+        (head.format("real") + "2 2 5", ["line 4", "does not end"]),
         (head.format("complex") + "2 2 1. 0.\n", ["complex entries"]),
+        (head.format("pattern") + "2 2\n", ["pattern entries"]),
+        (head.replace("general", "hermitian").format("real"), ["is hermitian"]),
+        (head.replace("coordinate", "heap").format("real"), ["line 1", "coordinate or array"]),
+        (head.replace("2 2 2", "2 3 2").format("real"), ["2 by 3", "square"]),
         (head.format("real") + "2 2 5.\n", ["M has shape (1, 1)", "(2, 2) like K"]),
     ):
         path = put(tmp_path / "K.mtx", text)

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 
 from iwanjax.errors import InputError
 from iwanjax.structures.exchange.abaqus_elements import assembled_elements
 from iwanjax.structures.exchange.contents import Contents, Matrix, sparse_matrix
+from iwanjax.structures.exchange.coordinates import coordinate_matrix, without_diagonal
 from iwanjax.structures.exchange.keywords import Section, sections
 from iwanjax.structures.exchange.matrices import mirrored, one_sided
 from iwanjax.structures.exchange.node_map import NodeMap
@@ -56,7 +56,7 @@ def read_abaqus(path: Path) -> Contents:
             raise InputError(f"line {part.start - 1}: *{part.keyword} is no matrix of numbers")
     named = {names.get(name, name): table for name, table in tables.items()}
     if all(table.values.shape[1] == 3 for table in named.values()):
-        return Contents({name: _coordinates(table) for name, table in named.items()})
+        return Contents({name: coordinate_matrix(table) for name, table in named.items()})
     return _labelled(named)
 
 
@@ -68,12 +68,6 @@ def _table(part: Section) -> Table:
     except ValueError:
         raise InputError(f"line {part.start - 1}: scale factor {factor!r} is no number") from None
     return table
-
-
-def _coordinates(table: Table) -> sp.csr_array:
-    rows, columns = (table.integers(i, ("row", "column")[i], 1) - 1 for i in range(2))
-    size = int(max(rows.max(), columns.max())) + 1
-    return sparse_matrix(rows, columns, table.values[:, 2], size)
 
 
 def _labelled(tables: Mapping[str, Table]) -> Contents:
@@ -99,6 +93,12 @@ def _labelled(tables: Mapping[str, Table]) -> Contents:
         matrix = sparse_matrix(rows, columns, table.values[:, 4], nodes.size)
         # The format lets a symmetric matrix have either triangle, in the order of any node list.
         matrices[name] = mirrored(matrix) if one_sided(matrix) else matrix
+        # Lagrange multipliers, which have none, are at internal nodes with negative numbers.
+        cut = [i for i in without_diagonal(matrix) if nodes.numbers[i] > 0]
+        if cut:
+            raise InputError(
+                f"{nodes.label(int(cut[0]))} has no diagonal entry; is the file cut short?"
+            )
         held = np.flatnonzero(matrix.diagonal() >= _FIXED)
         fixed |= {nodes.labels()[i] for i in held}
     return Contents(matrices, nodes, frozenset(fixed))

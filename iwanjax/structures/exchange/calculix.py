@@ -6,8 +6,10 @@ triangle, one ``row column value`` a line; ``job.dof`` one ``node.direction`` a 
 
 from pathlib import Path
 
-from iwanjax.structures.exchange.contents import Contents, sparse_matrix
-from iwanjax.structures.exchange.map_files import beside, checked_size, read_dof
+from iwanjax.errors import InputError
+from iwanjax.structures.exchange.contents import Contents
+from iwanjax.structures.exchange.coordinates import coordinate_matrix
+from iwanjax.structures.exchange.map_files import beside, read_dof
 from iwanjax.structures.exchange.text import number_table, text_lines
 
 _NAMES = {".sti": "K", ".mas": "M"}
@@ -19,12 +21,19 @@ def read_calculix(path: Path) -> Contents:
     Raises
     ------
     InputError
-        Naming the line that is no entry, or a row beyond the DOFs of the ``.dof`` file.
+        Naming the line that is no entry, a row beyond the DOFs of the ``.dof`` file, or one
+        without its diagonal entry, as a file cut short has it.
     """
-    table = number_table(text_lines(path), (3,))
-    rows, columns = (table.integers(i, ("row", "column")[i], 1) - 1 for i in range(2))
+    matrix = coordinate_matrix(number_table(text_lines(path), (3,)))
     listing = beside(path, ".dof")
     nodes = None if listing is None else read_dof(listing)
-    size = checked_size(rows, columns, None if nodes is None else nodes.size)
-    matrix = sparse_matrix(rows, columns, table.values[:, 2], size)
+    size = matrix.shape[0]
+    if nodes is not None and nodes.size != size:
+        doubled = (
+            " (cyclic symmetry doubles the size: not supported)" if size == 2 * nodes.size else ""
+        )
+        raise InputError(
+            f"entries reach row {size} but {listing} has {nodes.size} rows{doubled}; do they come "
+            "from one run?"
+        )
     return Contents({_NAMES[path.suffix.lower()]: matrix}, nodes)

@@ -66,8 +66,8 @@ def read_harwell_boeing(path: Path) -> Contents:
 
 def _header(lines: list[str]) -> tuple[list[int], tuple[int, int, int]]:
     """Lines of each part; rows, columns and entries."""
-    if len(lines) < 4:
-        raise InputError(f"holds {len(lines)} lines; expected a Harwell-Boeing header of four")
+    if len(lines) < 5:
+        raise InputError("holds fewer lines than the four of a Harwell-Boeing header")
     try:
         counts = [int(field) for field in lines[1].split()]
         kind, *sizes = lines[2].upper().split()

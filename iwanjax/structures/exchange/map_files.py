@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from iwanjax.errors import InputError
 from iwanjax.structures.exchange.node_map import NodeMap
 from iwanjax.structures.exchange.text import text_lines
@@ -83,29 +81,9 @@ def beside(path: Path, suffix: str) -> Path | None:
     return None
 
 
-def checked_size(rows: np.ndarray, columns: np.ndarray, mapped: int | None) -> int:
-    """Number of rows of a matrix given by its entries, that of the node map if there is one.
-
-    Raises
-    ------
-    InputError
-        When entries or rows are there that the other does not have.
-    """
-    largest = int(max(rows.max(), columns.max())) + 1
-    if mapped is not None and mapped != largest:
-        doubled = (
-            " (cyclic symmetry doubles the size: not supported)" if largest == 2 * mapped else ""
-        )
-        raise InputError(
-            f"entries reach row {largest} but the node map beside it has {mapped} rows{doubled}; "
-            "do they come from one run?"
-        )
-    return largest
-
-
 def _read_table(path: Path) -> NodeMap:
     pairs = []
-    for number, line in _filled(path):
+    for number, line in _filled(path, whole=False):
         fields = line.replace(",", " ").replace(";", " ").split()
         if not pairs and not _whole(fields[0]):
             continue  # header
@@ -115,9 +93,9 @@ def _read_table(path: Path) -> NodeMap:
     return _map(path, pairs)
 
 
-def _filled(path: Path) -> list[tuple[int, str]]:
+def _filled(path: Path, *, whole: bool = True) -> list[tuple[int, str]]:
     try:
-        lines = text_lines(path)
+        lines = text_lines(path, whole=whole)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return [(number, line) for number, line in enumerate(lines, 1) if line.strip()]

@@ -13,20 +13,34 @@ from iwanjax.errors import InputError
 _PLAIN = str.maketrans(",Dd", " Ee")
 
 
-def text_lines(path: Path) -> list[str]:
+def text_lines(path: Path, *, whole: bool = True) -> list[str]:
     """The lines of a text file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    whole : bool
+        Whether the last line has to end as lines do. Programs end theirs; a number that
+        was cut short is a number still.
 
     Raises
     ------
     InputError
-        For a file that is empty or no text.
+        For a file that is empty, no text, or cut short in a line.
     """
     try:
-        lines = path.read_text(encoding="utf-8", errors="strict").splitlines()
+        text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise InputError("is no text file; export it as text (ASCII)") from None
-    if not any(line.strip() for line in lines):
+    if not text.strip():
         raise InputError("is empty")
+    lines = text.split("\n")
+    if whole and lines[-1].strip():
+        raise InputError(
+            f"line {len(lines)}, the last, does not end with a line break; is the file cut short? "
+            "If not, add one"
+        )
     return lines
 
 
