@@ -29,6 +29,7 @@ def test_files_that_are_not_there_or_of_no_known_kind(tmp_path):
     refused(["does not exist"], read_node_map, tmp_path / "job.dof")
     calculix(tmp_path)
     refused(["nowhere.mas", "does not exist"], read_matrices, path, tmp_path / "nowhere.mas")
+    refused(["job.sti", "holds K", "which is the mass"], read_matrices, path, path)
     (tmp_path / "job.mas").unlink()
     refused(["job.sti", "mass is missing", "mass="], read_matrices, path)
 

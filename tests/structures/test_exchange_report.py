@@ -126,6 +126,17 @@ def test_a_soft_suspension_is_no_free_body():
     assert "soft suspension" in report.warnings[0]
 
 
+@pytest.mark.parametrize("penalty", [1e4, 1e7, 1e9])
+def test_a_penalty_spring_makes_nothing_rigid(penalty):
+    K = 1e4 * np.array([[2.0, -1.0, 0.0], [-1.0, 1.0 + penalty, -penalty], [0, -penalty, penalty]])
+    report = check_matrices(ImportedMatrices(M=np.eye(3), K=K))
+    assert report.rigid_bodies == 0
+    # The penalty makes one mass of 2 and 3.
+    rigid = scipy.linalg.eigh([[2e4, -1e4], [-1e4, 1e4]], np.diag([1.0, 2.0]), eigvals_only=True)
+    expected = np.sqrt(rigid) / (2 * np.pi)
+    np.testing.assert_allclose(report.frequency[:2], expected, rtol=max(1e-6, 1 / penalty))
+
+
 def test_dofs_without_mass_are_named_and_do_not_disturb():
     whole = chain(6, ground=True)
     M = np.array(whole.M)
@@ -171,6 +182,31 @@ def test_indefinite_matrices_are_told(n):
         assert words in warning
     nothing = check_matrices(ImportedMatrices(M=0 * whole.M, K=whole.K))
     assert "density" in nothing.warnings[-1]
+
+
+def test_a_mass_of_lower_rank_is_told():
+    whole = chain(3, ground=True)
+    M = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    report = check_matrices(ImportedMatrices(M=M, K=whole.K))
+    assert "M is singular beyond DOFs without mass" in report.warnings[0]
+    inverse = scipy.linalg.eigh(M, whole.K, eigvals_only=True)[1:][::-1]
+    np.testing.assert_allclose(report.frequency, 1 / np.sqrt(inverse) / (2 * np.pi), rtol=1e-9)
+
+
+def test_a_beam_that_bends_in_a_plane_has_two_rigid_body_modes():
+    # Euler-Bernoulli element of length 1, E I = 1e3 and consistent mass of 0.42.
+    K = 1e3 * np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4.0]])
+    M = 1e-3 * np.array(
+        [[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]
+    )
+    nodes = NodeMap([1, 1, 2, 2], ["uy", "rz"] * 2)
+    report = check_matrices(ImportedMatrices(M=M, K=K, nodes=nodes))
+    assert report.rigid_bodies == 2
+    assert report.total_mass == pytest.approx({"uy": 0.42})
+    assert not report.warnings
+    # The element's own free-free eigenvalues are 720 and 8400 E I / (m L^3).
+    expected = np.sqrt(np.array([720.0, 8400.0]) * 1e3 / 0.42) / (2 * np.pi)
+    np.testing.assert_allclose(report.frequency, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("n", [6, 500])

@@ -185,7 +185,7 @@ def _chosen(path: Path, contents: Contents, role: str, wanted: Mapping[str, str]
     if role in wanted:
         return contents.matrices[_name(path, contents, wanted[role])]
     held = list(contents.matrices)
-    if len(held) == 1:
+    if len(held) == 1 and (held[0] == role or held[0] not in _WORDS):
         return contents.matrices[held[0]]
     fitting = [name for name in held if name[:1].upper() in _LETTERS[role]]
     if len(fitting) != 1:

@@ -96,8 +96,7 @@ def check_matrices(
             f"{len(bare)} DOFs have neither mass nor stiffness and are passed over below: "
             f"{listed([matrices.label(int(i)) for i in bare])}; leave them out of the export."
         )
-        kept = np.flatnonzero(~(empty_M & empty_K))
-        M, K = M[kept][:, kept], K[kept][:, kept]
+        M, K = (_part(matrix, ~(empty_M & empty_K)) for matrix in (M, K))
     total = _total_mass(matrices)
     if total:
         sentences.append(mass_sentence(max(total.values())))
@@ -105,9 +104,15 @@ def check_matrices(
             told = ", ".join(f"{name} {value:.4g}" for name, value in total.items())
             warnings.append(f"The mass that moves is not the same in all directions: {told}.")
     rigid, frequency = None, np.empty(0)
-    if sound := _mass_fault(matrices, empty_M):
-        warnings.append(sound)
+    fault = _mass_fault(matrices, empty_M)
+    if fault:
+        warnings.append(fault)
     else:
+        if definiteness(_part(matrices.M, ~empty_M)) == "singular":
+            warnings.append(
+                "M is singular beyond DOFs without mass: some motion of several DOFs has none; "
+                "reduce the matrices before they become a model."
+            )
         spectrum = lowest_eigenvalues(K, M, max(modes, 7))
         if spectrum.negative:
             warnings.append(
@@ -117,7 +122,7 @@ def check_matrices(
         else:
             rigid = spectrum.rigid
             frequency = np.sqrt(spectrum.elastic) / (2 * np.pi)
-            sentences.append(_support(rigid, total, warnings))
+            sentences.append(_support(rigid, _free(matrices), warnings))
             warnings += [] if rigid else _soft(frequency)
             frequency = frequency[:modes]
     if len(frequency):
@@ -151,28 +156,40 @@ def _mass_fault(matrices: ImportedMatrices, empty: np.ndarray) -> str:
     if len(bad):
         where = listed([matrices.label(int(i)) for i in bad])
         return f"M is not positive definite: its diagonal is not positive at {where}."
-    kept = np.flatnonzero(~empty)
-    kind = definiteness(_part(matrices.M, kept))
-    if kind == "indefinite":
+    if definiteness(_part(matrices.M, ~empty)) == "indefinite":
         return "M is not positive definite: some motion has negative mass; check the export."
     return ""
 
 
-def _part(matrix: Matrix, kept: np.ndarray) -> Matrix:
-    return matrix[kept][:, kept] if len(kept) < matrix.shape[0] else matrix
+def _part(matrix: Matrix, wanted: np.ndarray) -> Matrix:
+    """The rows and columns that are wanted."""
+    kept = np.flatnonzero(wanted)
+    return matrix[kept][:, kept]
 
 
-def _support(rigid: int, total: dict[str, float], warnings: list[str]) -> str:
+def _free(matrices: ImportedMatrices) -> int:
+    """Rigid-body modes of a structure that nothing holds: 6, in a plane 3, in a line 1."""
+    dofs = set() if matrices.nodes is None or matrices.T is not None else set(matrices.nodes.dofs)
+    translations = len(dofs & {"ux", "uy", "uz"})
+    # A beam that only bends in a plane moves and turns.
+    alone = 2 if dofs & {"rx", "ry", "rz"} else 1
+    return {1: alone, 2: 3}.get(translations, 6)
+
+
+def _support(rigid: int, free: int, warnings: list[str]) -> str:
     """What the number of rigid-body modes says about the supports."""
-    free = {1: 1, 2: 3}.get(len(total), 6)
     if rigid == 0:
         return "No rigid-body modes: the structure is supported."
     if rigid == free:
         return f"{rigid} rigid-body mode(s): the structure is free."
-    few, many = "it is partly supported", f"{rigid - free} mechanism(s): something is not connected"
+    cause = (
+        "it is partly supported, or has mechanisms."
+        if rigid < free
+        else f"{rigid - free} mechanism(s): something is not connected."
+    )
     warnings.append(
         f"{rigid} rigid-body mode(s) where a free structure has {free} and a supported one 0: "
-        + (few + ", or has mechanisms." if rigid < free else many + ".")
+        f"{cause}"
     )
     return f"{rigid} rigid-body mode(s)."
 

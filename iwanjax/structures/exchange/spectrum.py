@@ -22,6 +22,8 @@ _PIVOT = 1e-12
 # A rigid-body eigenvalue is smaller than the first elastic one by this at least, that is a
 # frequency by 1000; a structure on soft suspension has its own by 10 to 100.
 _GAP = 1e-6
+# Beside the largest mu, smaller ones are round-off.
+_NO_MASS = 1e-14
 
 
 class Spectrum(NamedTuple):
@@ -71,7 +73,7 @@ def lowest_eigenvalues(K: Matrix, M: Matrix, count: int) -> Spectrum:
         # Where A is singular but for round-off, a larger shift may do.
         rough = None if below else factor.largest(M, wanted)
         if rough is not None:
-            return _refined(K, M, np.sort(1.0 / rough - sigma), count, _GAP * sigma)
+            return _refined(K, M, _unshifted(rough, sigma), count, sigma)
     if negative:
         return Spectrum(0, np.empty(0), negative)
     raise InputError(
@@ -80,25 +82,31 @@ def lowest_eigenvalues(K: Matrix, M: Matrix, count: int) -> Spectrum:
     )
 
 
-def _refined(K: Matrix, M: Matrix, rough: np.ndarray, count: int, zero: float) -> Spectrum:
-    """Rigid-body and elastic eigenvalues, given what the lowest and a zero are about."""
-    rigid = _vanishing(rough, zero)
+def _refined(K: Matrix, M: Matrix, rough: np.ndarray, count: int, small: float) -> Spectrum:
+    """Rigid-body and elastic eigenvalues, given what the lowest and a small one are about."""
+    rigid = _vanishing(rough, small)
     if rigid == len(rough):
         return Spectrum(rigid, np.empty(0), 0)
     sigma = float(rough[rigid])
     found = _factored(K + sigma * M).largest(M, len(rough))
-    values = rough if found is None else np.sort(1.0 / found - sigma)
-    bound = np.sqrt(_GAP) * float(values[_vanishing(values, zero)])
+    values = rough if found is None else _unshifted(found, sigma)
+    bound = np.sqrt(_GAP) * float(values[_vanishing(values, small)])
     if rigid:
         pivots = _factored(K - bound * M).pivots
         rigid = int(np.sum(pivots < 0)) if len(pivots) == K.shape[0] else rigid
     return Spectrum(rigid, values[values > bound][:count], 0)
 
 
-def _vanishing(values: np.ndarray, zero: float) -> int:
+def _unshifted(mu: np.ndarray, sigma: float) -> np.ndarray:
+    """Eigenvalues lambda, ascending; mu that are round-off belong to motions without mass."""
+    return np.sort(1.0 / mu[mu > _NO_MASS * np.max(mu)] - sigma)
+
+
+def _vanishing(values: np.ndarray, small: float) -> int:
     """How many of ascending eigenvalues vanish, by themselves or beside the next."""
-    vanish = np.abs(values) < zero
-    vanish[:-1] |= np.abs(values[:-1]) < _GAP * values[1:]
+    vanish = np.abs(values) < _GAP * small
+    # Below what is small: stiff springs, which penalties are, leave wide gaps higher up.
+    vanish[:-1] |= np.abs(values[:-1]) < np.minimum(_GAP * values[1:], small)
     return int(np.flatnonzero(vanish)[-1]) + 1 if np.any(vanish) else 0
 
 
