@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 LAYERS = [
-    {"errors", "types", "curves", "results", "files"},
+    {"errors", "types", "curves", "results", "files", "threads"},
     {"joints", "signals"},
     {"structures"},
     {"quasistatic", "dynamics"},

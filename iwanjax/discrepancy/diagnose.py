@@ -27,6 +27,7 @@ from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
+from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
 # Steps between samples.
@@ -40,6 +41,7 @@ _OTHER_UNITS = 100.0
 _ALIKE = 3.0
 
 
+@one_thread()
 def diagnose(
     structure: JointedStructure,
     recordings: Sequence[Transient],

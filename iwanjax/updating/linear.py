@@ -13,6 +13,7 @@ from jaxtyping import Array
 from iwanjax.errors import InputError
 from iwanjax.structures.affine import AffineStructure
 from iwanjax.structures.checks import finite_array
+from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.linear_problem import RIGID, LinearProblem, Matched, MeasuredModes, believed
 from iwanjax.updating.linear_solution import LinearSolution
@@ -23,6 +24,8 @@ from iwanjax.updating.solution import Point, certainty
 
 # Draws from which a prior's middle and deviation in the variable that is moved are taken.
 _DRAWS = 4000
+# Relative change of the values at which a search ends: priors leave long flat valleys.
+_TOLERANCE = 1e-4
 # Costs within this share of each other are the same minimum.
 _SAME_COST = 1e-3
 
@@ -57,6 +60,7 @@ def positive_parameter(
     return Parameter(name, value, prior, unit, meaning, lower=0.0, transform="log")
 
 
+@one_thread()
 def update_linear(
     structure: AffineStructure,
     measured: MeasuredModes,
@@ -64,7 +68,7 @@ def update_linear(
     *,
     sensors: Sequence[ArrayLike] | None = None,
     modes: Sequence[int] | None = None,
-    starts: int = 6,
+    starts: int = 4,
     seed: int = 0,
 ) -> LinearSolution:
     r"""Find the parameters of an affine structure from its low-amplitude modes.
@@ -132,7 +136,7 @@ def update_linear(
         logarithmic=logarithmic,
         names=structure.names,
     )
-    found = search(problem, many[:starts], int(starts))
+    found = search(problem, many[:starts], int(starts), _TOLERANCE)
     cost = np.asarray(found.cost)
     best = int(np.argmin(cost))
     if not np.isfinite(cost[best]):
@@ -144,8 +148,8 @@ def update_linear(
     final = with_values(row, theta)
     before, after, slope = _there(problem, jnp.asarray([p.value for p in row]), jnp.asarray(theta))
     differences = [np.asarray(x) for x in problem.differences(jnp.asarray(theta))]
-    data = np.asarray(problem.data(jnp.asarray(theta)))
-    misfit = float(np.sqrt(np.mean(data**2)))
+    data = problem.data(jnp.asarray(theta))
+    misfit = float(jnp.sqrt(jnp.mean(data**2)))
     point = Point((after.frequency, after.assurance), (data, data[:0]), slope, {}, {})
     sure = certainty(point, final, tuple(active), misfit, theta[None])
     return LinearSolution(

@@ -45,7 +45,10 @@ class Search(NamedTuple):
 
 @eqx.filter_jit
 def search(
-    problem: AbstractLeastSquares, draws: Float[Array, "starts parameters"], runs: int
+    problem: AbstractLeastSquares,
+    draws: Float[Array, "starts parameters"],
+    runs: int,
+    tolerance: float = _TOLERANCE,
 ) -> Search:
     """Improve all starts, then run Levenberg-Marquardt from some of them.
 
@@ -53,7 +56,7 @@ def search(
     ``runs`` groups of neighbours is run: the best of all may lie in one wide valley beside
     a narrow deeper one. Optimistix ignores bounds; the variables that it moves have none.
     """
-    solver = optx.LevenbergMarquardt(_TOLERANCE, _TOLERANCE)
+    solver = optx.LevenbergMarquardt(tolerance, tolerance)
 
     def residuals(z: Array, problem: AbstractLeastSquares) -> Array:
         return problem.residuals(problem.to_values(z))

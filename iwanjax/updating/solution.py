@@ -254,7 +254,7 @@ def certainty(
     are other estimates that are as good.
     """
     moving = [i for i, p in enumerate(parameters) if not p.fixed and p.name not in active]
-    spread = np.array([_prior_deviation(parameters[i]) for i in moving])
+    spread = np.array([prior_deviation(parameters[i]) for i in moving])
     scaled = np.asarray(there.slope)[:, moving] * spread / max(misfit, 1.0)
     _, singular, rows = np.linalg.svd(scaled, full_matrices=False)
     # The prior, taken as normal, closes the directions that the data leave open.
@@ -310,7 +310,7 @@ def _apart_unit(p: Parameter, deviation: float) -> float:
     return deviation / p.value if p.transform == "log" else deviation
 
 
-def _prior_deviation(p: Parameter) -> float:
+def prior_deviation(p: Parameter) -> float:
     """Deviation that the prior gives a parameter, linearised at its value.
 
     That of the logarithm times the value for what is moved by its logarithm.
