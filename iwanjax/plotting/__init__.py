@@ -19,9 +19,11 @@ from iwanjax.plotting.diagnosis import (
 )
 from iwanjax.plotting.fit import plot_fit
 from iwanjax.plotting.joints import plot_joint
+from iwanjax.plotting.linear import plot_linear
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.quasistatic import plot_qsma
 from iwanjax.plotting.ringdown import plot_merged, plot_ringdown
+from iwanjax.plotting.shapes import plot_assurance, plot_shapes, plot_strokes
 from iwanjax.plotting.single_mode import plot_decays, plot_modes
 from iwanjax.plotting.transient import plot_hysteresis, plot_transient
 from iwanjax.quasistatic import QsmaSolution
@@ -30,6 +32,7 @@ from iwanjax.signals.merge import MergedCurves
 
 __all__ = [
     "plot",
+    "plot_assurance",
     "plot_bands",
     "plot_curves",
     "plot_decays",
@@ -37,6 +40,7 @@ __all__ = [
     "plot_fit",
     "plot_hysteresis",
     "plot_joint",
+    "plot_linear",
     "plot_merged",
     "plot_modes",
     "plot_places",
@@ -45,12 +49,15 @@ __all__ = [
     "plot_qsma",
     "plot_restoring",
     "plot_ringdown",
+    "plot_shapes",
+    "plot_strokes",
     "plot_transient",
 ]
 
 # By name: their modules load the optimisers and emcee, which other figures do not need.
 _BY_NAME = {
     "iwanjax.updating.solution.FitSolution": plot_fit,
+    "iwanjax.updating.linear_solution.LinearSolution": plot_linear,
     "iwanjax.updating.posterior.Posterior": plot_posterior,
 }
 
@@ -63,7 +70,7 @@ def plot(obj: Any, **options: Any) -> Figure:
     ----------
     obj : object
         A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, Transient, ModalDecays,
-        Diagnosis, FitSolution or Posterior.
+        Diagnosis, FitSolution, LinearSolution or Posterior.
     **options
         Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
         :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_transient`, :func:`plot_fit` or
@@ -85,7 +92,7 @@ def plot(obj: Any, **options: Any) -> Figure:
     raise InputError(
         f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
         "RingDown, MergedCurves, Transient, ModalDecays, "
-        "Diagnosis, FitSolution or Posterior"
+        "Diagnosis, FitSolution, LinearSolution or Posterior"
     )
 
 
