@@ -11,7 +11,7 @@ from iwanjax.dynamics.propagator import Method
 from iwanjax.dynamics.transient import simulate
 from iwanjax.errors import InputError
 from iwanjax.joints.sliders import SLIDERS
-from iwanjax.signals.filters import analytic_signal
+from iwanjax.signals.filters import analytic_signal, band_pass_gain
 from iwanjax.signals.hilbert import RingDown, ringdown
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike
@@ -141,7 +141,10 @@ def modal_decays(
         told = []
         for i, band in enumerate(chosen):
             signal = signals[:, i]
-            envelope[case, :, i] = np.abs(analytic_signal(signal, rate, band, _ORDER)) / omega[i]
+            # What the band's corner, near where modes are close, takes off the mode.
+            gain = band_pass_gain(omega[i] / (2.0 * np.pi), band, _ORDER)
+            passed = np.abs(analytic_signal(signal, rate, band, _ORDER))
+            envelope[case, :, i] = passed / (gain * omega[i])
             try:
                 row.append(ringdown(signal, rate, band, name=f"mode {which[i]}", start=begin))
                 told.append("")
