@@ -58,6 +58,15 @@ def values_measured(search: Search) -> int:
     return int(np.count_nonzero(np.asarray(search.data.weight)))
 
 
+def left_by_noise(search: Search) -> float:
+    """Squared residual that the sensors' noise alone leaves.
+
+    Weights allow for errors of the model too, so that it is less than the number of samples.
+    """
+    weight = np.asarray(search.data.weight)
+    return float(np.sum((search.noise * weight) ** 2))
+
+
 def unknowns(fitted: Fitted) -> int:
     """Number of values fitted beyond those of the joints as given."""
     hypothesis = fitted.hypothesis

@@ -1,11 +1,12 @@
 """Faults that are in the joints as well: one left out, one that sticks."""
 
+import itertools
 import math
 from collections.abc import Sequence
 
 from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import ForceKind, JointKind
-from iwanjax.discrepancy.evidence import values_measured
+from iwanjax.discrepancy.evidence import left_by_noise
 from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.rounds import (
@@ -29,6 +30,8 @@ _THETAS = (0.7, 0.4)
 # Places where a whole joint is tried, and how many starts; slips to begin with, of the largest
 # deflection, or of a slider's own.
 _JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
+# Pairs of suspects in which a joint may stand for one.
+_PAIRS = 2
 _LIKE_A_JOINT = {"viscoelastic", "coulomb_friction"}
 
 
@@ -45,12 +48,14 @@ def with_joint_faults(
     What looks much like a joint left out has it for a rival in any case.
     """
     best = least(nominal, entries)
-    left = best.cost > MISFIT * values_measured(search)
+    left = best.cost > MISFIT * left_by_noise(search)
     if not left and not {kind.name for kind in best.hypothesis.kinds} & _LIKE_A_JOINT:
         return entries
     known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
     grounds.progress("refitting joints of other kinds")
     found = _joints_left_out(search, known, best.cost, grounds, _JOINT_PLACES if left else 1)
+    pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]
+    found += _beside_another(search, pairs[:_PAIRS], best.cost, grounds)
     found += _stuck(search, nominal, best.cost, grounds) if left else []
     faults = placed([*shorts, *found])
     faults = [e for e in faults if all(e.fitted is not short.fitted for short in shorts)]
@@ -89,6 +94,23 @@ def _joints_left_out(
     return _best_of_each(made, best, grounds)
 
 
+def _beside_another(
+    search: Search, pairs: Sequence[Fitted], best: float, grounds: Grounds
+) -> list[Entry]:
+    """A joint in place of either of two suspects, the other kept."""
+    by_label = {place.label: place for place in grounds.places}
+    made: dict[tuple[str, str], tuple[Search, list[Start]]] = {}
+    kinds = [k for k in grounds.kinds if isinstance(k, JointKind) and k.name == "iwan_joint"]
+    for kind, pair, slot in itertools.product(kinds, pairs, (0, 1)):
+        place = by_label.get(pair.hypothesis.where[slot])
+        guesses = _guesses_of(search, pair.start, slot, place) if place else []
+        kept = suspicion.alone(search, pair.start, 1 - slot)
+        key = (pair.hypothesis.where[slot], kept.hypothesis.label)
+        if place and guesses and key not in made:
+            made[key] = suspicion.with_joint(search, kind, place, guesses, kept)
+    return _best_of_each(list(made.values()), best, grounds)
+
+
 def _best_of_each(
     made: Sequence[tuple[Search, list[Start]]], best: float, grounds: Grounds
 ) -> list[Entry]:
@@ -104,19 +126,21 @@ def _best_of_each(
 
 def _guesses(search: Search, known: Sequence[Start], place: Place) -> list[suspicion.Guess]:
     """What the best springs and sliders at a place say of a joint there."""
-    found: list[suspicion.Guess] = []
-    for start in known:
-        hypothesis, p = start.hypothesis, search.parameters
-        kind = hypothesis.kinds[-1]
-        alone = len(hypothesis.kinds) == 1 and hypothesis.where[0] == place.label
-        if not isinstance(kind, ForceKind) or not alone:
-            continue
-        z, (size, shape) = start.common[:p], start.common[p:]
-        stiffness = hypothesis.scales[-1] * (math.exp(size) if kind.positive else size)
-        if kind.size.dimension != "force/length" or stiffness <= 0:
-            continue
-        slips = [share * place.scales.deflection for share in _SLIPS]
-        if kind.shape is not None and kind.shape.dimension == "length":
-            slips = [factor * math.exp(shape) for factor in _SLIPPED]
-        found += [suspicion.Guess(stiffness, slip, z) for slip in slips]
-    return found[:_GUESSES]
+    singles = [s for s in known if s.hypothesis.where == (place.label,)]
+    return [g for s in singles for g in _guesses_of(search, s, 0, place)][:_GUESSES]
+
+
+def _guesses_of(search: Search, start: Start, slot: int, place: Place) -> list[suspicion.Guess]:
+    """What a spring or slider says of a joint in its place."""
+    hypothesis, p = start.hypothesis, search.parameters
+    kind = hypothesis.kinds[slot]
+    if not isinstance(kind, ForceKind) or kind.size.dimension != "force/length":
+        return []
+    size, shape = start.common[p + 2 * slot : p + 2 * slot + 2]
+    stiffness = hypothesis.scales[slot] * (math.exp(size) if kind.positive else size)
+    if stiffness <= 0:
+        return []
+    slips = [share * place.scales.deflection for share in _SLIPS]
+    if kind.shape is not None and kind.shape.dimension == "length":
+        slips = [factor * math.exp(shape) for factor in _SLIPPED]
+    return [suspicion.Guess(stiffness, slip, start.common[:p]) for slip in slips]

@@ -8,6 +8,7 @@ from iwanjax.discrepancy.catalogue import Kind
 from iwanjax.discrepancy.evidence import evidence
 from iwanjax.discrepancy.fitting import Fitted, fit_all
 from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.screen import Candidate, screen
 from iwanjax.discrepancy.search import Search
 
 MIDDLE = 8.0
@@ -16,8 +17,10 @@ STEPS = 12
 """Steps of a search."""
 RACE = 10.0
 """Times the best cost from which on a search is given up."""
-MISFIT = 1.3
+MISFIT = 1.2
 """Squared residual over the noise's from which on a suspect is not all there is."""
+INDULGENCE = 0.06
+"""Share of the squared residual that the model's own errors, of integration say, may be worth."""
 
 # Steps of a polish, and times the best cost from which on it is given up: what is left needs
 # no last digit.
@@ -67,6 +70,11 @@ class Entry:
     search: Search
     fitted: Fitted
     behind: float = 0.0
+
+
+def screened(search: Search, base: Fitted, grounds: Grounds) -> list[Candidate]:
+    """All that may be suspected beside a fit, the most promising first."""
+    return screen(search, base, grounds.kinds, grounds.places, grounds.sensors, grounds.joints)
 
 
 def placed(entries: Sequence[Entry]) -> list[Entry]:

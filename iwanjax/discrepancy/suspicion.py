@@ -179,9 +179,13 @@ class Guess(NamedTuple):
 
 
 def with_joint(
-    search: Search, kind: JointKind, place: Place, guesses: Sequence[Guess]
+    search: Search,
+    kind: JointKind,
+    place: Place,
+    guesses: Sequence[Guess],
+    beside: Start | None = None,
 ) -> tuple[Search, list[Start]]:
-    """One Iwan element more at a place, and the search it takes."""
+    """One Iwan element more at a place, beside a suspect or alone, and the search it takes."""
     first = guesses[0]
     given = Iwan4(F_S=first.stiffness * first.slip, K_T=first.stiffness, chi=-0.5, beta=1.0)
     more = Joint(given, jnp.asarray(_LOOSE_JOINT))
@@ -200,8 +204,16 @@ def with_joint(
     for guess in guesses:
         values = {"F_S": guess.stiffness * guess.slip, "K_T": guess.stiffness}
         z = np.concatenate([guess.z, located(more, values)])
-        starts.append(_as_nothing(other, kind, place.label, z))
+        start = _as_nothing(other, kind, place.label, z)
+        if beside is not None:
+            start = joined(other, [start, _moved(beside, search.parameters, z)])
+        starts.append(start)
     return other, starts
+
+
+def _moved(start: Start, parameters: int, z: np.ndarray) -> Start:
+    """A suspect among other joints than the ones it was found with."""
+    return start._replace(theta=np.concatenate([z, start.common[parameters:]]))
 
 
 def _as_nothing(search: Search, kind: JointKind, label: str, z: np.ndarray) -> Start:

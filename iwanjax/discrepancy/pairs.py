@@ -1,0 +1,129 @@
+"""Two suspects at once: a second beside the first, and each of them questioned again."""
+
+from collections.abc import Sequence
+
+from iwanjax.discrepancy import suspicion
+from iwanjax.discrepancy.evidence import Evidence, evidence, left_by_noise
+from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
+from iwanjax.discrepancy.rounds import (
+    INDULGENCE,
+    MIDDLE,
+    MISFIT,
+    RACE,
+    STEPS,
+    Entry,
+    Grounds,
+    screened,
+)
+from iwanjax.discrepancy.search import Search, Start
+
+# Suspects that are tried beside the first, and pairs that are fitted with a longer memory.
+_SECONDS, _PARTNERS = 6, 3
+# How many times a second suspect has to lessen what is more than noise leaves, and by how much
+# evidence.
+_FALL, _SECOND_GAIN = 3.0, 15.0
+# Times that a second is looked for.
+_ROUNDS = 2
+
+
+def doubled(search: Search, entries: list[Entry], grounds: Grounds) -> list[Entry]:
+    """A second suspect beside the first, where the first leaves much and the second takes it.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    entries : list of Entry
+        Single suspects with a memory of eight cycles, the best first.
+    grounds : Grounds
+        What may be suspected.
+
+    Returns
+    -------
+    list of Entry
+        The same, after pairs, or after what turned out to do alone, if there are such.
+    """
+    first = entries[0]
+    if first.search is not search or first.fitted.hypothesis.drifting is not None:
+        return entries
+    alone = first.fitted
+    for _ in range(_ROUNDS):
+        pairs, enough = _beside(search, alone, grounds)
+        if not enough:
+            return [Entry(search, each) for each in pairs] + entries
+        # The joints were bent, or the first was only like the second: looked at again from there.
+        entries = [Entry(search, each) for each in enough] + entries
+        alone = enough[0]
+    return entries
+
+
+def _beside(search: Search, first: Fitted, grounds: Grounds) -> tuple[list[Fitted], list[Fitted]]:
+    """Pairs that explain much more than a suspect alone, and those of the best that do alone."""
+    if not grounds.in_time():
+        return [], []
+    grounds.progress(f"looking for more beside {first.hypothesis.label}")
+    noise = left_by_noise(search)
+    candidates = screened(search, first, grounds)
+    table = evidence(search, [first])
+    promise = candidates[0].drop * table.worth(first) if candidates else 0.0
+    if first.cost < MISFIT * noise and promise < _margin(table, first):
+        return [], []
+    starts = [c.start for c in candidates[:_SECONDS]]
+    pairs = fit_all(search, starts, SHORT, STEPS, in_time=grounds.in_time)
+    pairs.sort(key=lambda each: each.cost)
+    pairs = fit_all(
+        search, [each.start for each in pairs[:_PARTNERS]], MIDDLE, STEPS, in_time=grounds.in_time
+    )
+    if not pairs:
+        return [], []
+    best = min(pairs, key=lambda each: each.cost)
+    before, after = (each.cost - noise for each in (first, best))
+    if _FALL * after > before or _enough(search, best, [first]):
+        return [], []
+    # The second may do all alone: the first was then what looked like it before.
+    singles = _singles(search, best, grounds)
+    if best.cost > MISFIT * noise:
+        pairs = [*_repaired(search, best, singles, grounds), *pairs]
+        better = min(pairs, key=lambda each: each.cost)
+        if better is not best:
+            best, singles = better, _singles(search, better, grounds)
+    near = {e.hypothesis.variant: e for e in sorted(pairs, key=lambda each: -each.cost)}
+    near = [each for each in near.values() if each.cost < RACE * best.cost]
+    return near, _enough(search, best, singles)
+
+
+def _singles(search: Search, pair: Fitted, grounds: Grounds) -> list[Fitted]:
+    """Each of a pair alone."""
+    starts = [suspicion.alone(search, pair.start, i) for i in range(len(pair.hypothesis.kinds))]
+    return fit_all(search, starts, MIDDLE, STEPS, in_time=grounds.in_time)
+
+
+def _repaired(
+    search: Search, pair: Fitted, singles: Sequence[Fitted], grounds: Grounds
+) -> list[Fitted]:
+    """Other partners for either of a pair: the first was chosen when the second was not known."""
+    starts: dict[tuple[str, ...], Start] = {}
+    for kept, single in enumerate(singles):
+        place = pair.hypothesis.where[1 - kept]
+        candidates = screened(search, single, grounds)
+        near = [c for c in candidates if c.start.hypothesis.where[-1] == place]
+        for c in [*candidates[:_PARTNERS], *near[:_PARTNERS]]:
+            starts.setdefault(c.start.hypothesis.variant, c.start)
+    found = fit_all(search, list(starts.values()), SHORT, STEPS, race=RACE, in_time=grounds.in_time)
+    found.sort(key=lambda each: each.cost)
+    return fit_all(
+        search, [each.start for each in found[:_PARTNERS]], MIDDLE, STEPS, in_time=grounds.in_time
+    )
+
+
+def _enough(search: Search, pair: Fitted, singles: Sequence[Fitted]) -> list[Fitted]:
+    """Single suspects that explain as much as a pair, the best first."""
+    table = evidence(search, [pair, *singles])
+    margin = _margin(table, pair)
+    ordered = sorted(zip(table.values[1:], singles, strict=True), key=lambda each: -each[0])
+    return [each for value, each in ordered if table.values[0] - value < margin]
+
+
+def _margin(table: Evidence, pair: Fitted) -> float:
+    """Evidence that a second suspect needs: the model's own errors are worth a part of the rest."""
+    return _SECOND_GAIN + INDULGENCE * table.worth(pair)

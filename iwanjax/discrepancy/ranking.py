@@ -1,0 +1,72 @@
+"""Who is ahead: entries of a competition by evidence, and what it takes to be found."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from iwanjax.discrepancy.evidence import evidence
+from iwanjax.discrepancy.rounds import INDULGENCE, RACE, Entry, cost_of
+
+# Something is missing when the evidence for it exceeds that for nothing by this.
+_LEAST_GAIN = 12.0
+# Kinds that a joint left out can be all but the same as.
+_WITHIN_A_JOINT = ("coulomb_friction", "stiffness_error")
+# Entries that are fitted to the free run, by evidence.
+_FINALISTS = 3
+
+
+def finalists(base: Entry, entries: Sequence[Entry]) -> list[Entry]:
+    """The best by evidence, and the one that fits best whatever its evidence is at this memory.
+
+    Rivals that are far behind stay where they are.
+    """
+    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
+    chosen = dict.fromkeys([*entries[:_FINALISTS], *sorted(same, key=cost_of)[:1]])
+    return [e for e in chosen if e.fitted.cost < RACE * entries[0].fitted.cost]
+
+
+def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
+    """By evidence of fits with the same memory; those with another keep their distance."""
+    if not entries:
+        return base, []
+    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
+    table = evidence(base.search, [base.fitted, *(e.fitted for e in same)])
+    values = np.array(table.values)
+    # For nothing the residual counts a little less: what the model's own errors are worth.
+    values[0] += INDULGENCE * table.worth(base.fitted)
+    # A joint has springs and sliders for its limits: it has to explain so much more than they.
+    for i, e in enumerate(same, 1):
+        margin, simpler = INDULGENCE * table.worth(e.fitted), _simpler(e)
+        if any(
+            _parts(o) in simpler and values[j] > values[i] - margin for j, o in enumerate(same, 1)
+        ):
+            values[i] -= margin
+    behind = values - values.max()
+    first = [replace(e, behind=float(b)) for e, b in zip(same, behind[1:], strict=True)]
+    floor = min((e.behind for e in first), default=0.0)
+    left = [replace(e, behind=min(e.behind, floor)) for e in entries if e not in same]
+    return replace(base, behind=float(behind[0])), [*sorted(first, key=lambda e: -e.behind), *left]
+
+
+def missing(base: Entry, best: Entry) -> bool:
+    """Whether the evidence for the best suspect is enough against nothing."""
+    return best.behind - base.behind > _LEAST_GAIN
+
+
+def _parts(entry: Entry) -> frozenset[tuple[str, str]]:
+    """What is suspected, and where."""
+    hypothesis = entry.fitted.hypothesis
+    names = (kind.name for kind in hypothesis.kinds)
+    return frozenset(zip(names, hypothesis.where, strict=True))
+
+
+def _simpler(entry: Entry) -> set[frozenset[tuple[str, str]]]:
+    """The same with a spring or a slider in place of a joint."""
+    parts = _parts(entry)
+    return {
+        parts - {(name, where)} | {(limit, where)}
+        for name, where in parts
+        for limit in _WITHIN_A_JOINT
+        if name == "iwan_joint"
+    }

@@ -1,0 +1,84 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from iwanjax.discrepancy.catalogue import kinds_of
+from iwanjax.discrepancy.evidence import left_by_noise
+from iwanjax.discrepancy.ranking import finalists, missing, ranked
+from iwanjax.discrepancy.rounds import MIDDLE, Entry
+
+N = 4000
+KINDS = {kind.name: kind for kind in kinds_of()}
+SEARCH = SimpleNamespace(
+    data=SimpleNamespace(weight=np.ones((1, N, 1))), noise=np.array([np.sqrt(0.9)])
+)
+WHITE = np.random.default_rng(5).standard_normal((1, N, 1))
+
+
+def entry(cost: float, *parts: str, cycles: float = MIDDLE) -> Entry:
+    """A fit that leaves so many times the number of samples; parts are kind@where."""
+    pairs = [part.split("@") for part in parts]
+    hypothesis = SimpleNamespace(
+        kinds=tuple(KINDS[name] for name, _ in pairs),
+        where=tuple(where for _, where in pairs),
+        sizes=(bool(pairs),),
+        shapes=(False,),
+    )
+    fitted = SimpleNamespace(
+        hypothesis=hypothesis,
+        cost=cost * N,
+        misfit=np.array([cost * N]),
+        residual=np.sqrt(cost) * WHITE,
+        cycles=cycles,
+    )
+    return Entry(SEARCH, fitted)
+
+
+def order(base: Entry, *entries: Entry) -> list[tuple[str, ...]]:
+    _, found = ranked(base, entries)
+    return [tuple(k.name for k in e.fitted.hypothesis.kinds) for e in found]
+
+
+def test_the_noise_leaves_the_share_that_weights_give_it():
+    assert left_by_noise(SEARCH) == pytest.approx(0.9 * N)
+
+
+@pytest.mark.parametrize(("cost", "found"), [(0.90, True), (0.96, False)])
+def test_nothing_is_missing_where_the_models_own_errors_may_be_it(cost, found):
+    """6 per cent of the residual are indulged; 10 % of 4000 samples are worth 200."""
+    base, (best,) = ranked(entry(1.0), [entry(cost, "mass_error@a")])
+    assert missing(base, best) == found
+
+
+def test_a_joint_that_is_hardly_better_than_a_slider_comes_after_it():
+    base = entry(3.0)
+    joint, slider = entry(0.97, "iwan_joint@a"), entry(1.0, "coulomb_friction@a")
+    assert order(base, joint, slider)[0] == ("coulomb_friction",)
+    much_better = entry(0.8, "iwan_joint@a")
+    assert order(base, much_better, slider)[0] == ("iwan_joint",)
+
+
+def test_a_joint_owes_nothing_to_what_it_cannot_look_like():
+    base, joint = entry(3.0), entry(0.97, "iwan_joint@a")
+    assert order(base, joint, entry(1.0, "viscoelastic@a"))[0] == ("iwan_joint",)
+    # Nor to a slider elsewhere.
+    assert order(base, joint, entry(1.0, "coulomb_friction@b"))[0] == ("iwan_joint",)
+
+
+def test_beside_another_suspect_the_same_holds():
+    base, other = entry(3.0), "mass_error@b"
+    joint = entry(0.97, "iwan_joint@a", other)
+    slider = entry(1.0, other, "coulomb_friction@a")
+    assert order(base, joint, slider)[0] == ("mass_error", "coulomb_friction")
+    assert order(base, joint, entry(1.0, "coulomb_friction@a"))[0] == ("iwan_joint", "mass_error")
+
+
+def test_what_fits_best_goes_on_though_others_are_ahead():
+    entries = [entry(1.0 + 0.01 * i, "viscoelastic@a") for i in range(5)]
+    fittest = entry(0.97, "iwan_joint@b")
+    early = entry(0.5, "gap_contact@a", cycles=2.0)
+    chosen = finalists(entry(3.0), [*entries, fittest, early])
+    assert chosen == [*entries[:3], fittest]
+    hopeless = entry(20.0, "mass_error@a")
+    assert finalists(entry(30.0), [entries[0], hopeless]) == [entries[0]]
