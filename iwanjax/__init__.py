@@ -101,6 +101,13 @@ if TYPE_CHECKING:
         ringdown,
         ringdown_curves,
     )
+    from iwanjax.structures.exchange import check_matrices, read_matrices, to_model
+    from iwanjax.structures.fem.brake_reuss import brake_reuss_beam, brake_reuss_joints
+    from iwanjax.structures.fem.sumali import sumali_beam, sumali_joints
+    from iwanjax.structures.frames import frame
+    from iwanjax.structures.full_model import check_reduction
+    from iwanjax.structures.reduced_model import ReducedModel
+    from iwanjax.structures.reduction import craig_bampton
     from iwanjax.updating import (
         Exponents,
         FitSolution,
@@ -123,8 +130,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Reached on first use: they import matplotlib, pydantic, optimistix or emcee, which most scripts
-# do not need.
+# Reached on first use: they import matplotlib, pydantic, optimistix, emcee or sparse matrices,
+# which most scripts do not need.
 _LATER = {
     "Study": "iwanjax.config",
     "load_study": "iwanjax.config",
@@ -172,6 +179,17 @@ _LATER = {
     "resonance_from_control": "iwanjax.signals",
     "ringdown": "iwanjax.signals",
     "ringdown_curves": "iwanjax.signals",
+    "ReducedModel": "iwanjax.structures.reduced_model",
+    "brake_reuss_beam": "iwanjax.structures.fem.brake_reuss",
+    "brake_reuss_joints": "iwanjax.structures.fem.brake_reuss",
+    "sumali_beam": "iwanjax.structures.fem.sumali",
+    "sumali_joints": "iwanjax.structures.fem.sumali",
+    "craig_bampton": "iwanjax.structures.reduction",
+    "check_reduction": "iwanjax.structures.full_model",
+    "frame": "iwanjax.structures.frames",
+    "read_matrices": "iwanjax.structures.exchange",
+    "check_matrices": "iwanjax.structures.exchange",
+    "to_model": "iwanjax.structures.exchange",
     "Exponents": "iwanjax.updating",
     "FitSolution": "iwanjax.updating",
     "update_linear": "iwanjax.updating",
@@ -233,6 +251,7 @@ __all__ = [
     "QuadraticDrag",
     "QuadraticSpring",
     "Recording",
+    "ReducedModel",
     "Result",
     "RingDown",
     "Study",
@@ -241,11 +260,17 @@ __all__ = [
     "Transient",
     "Uniform",
     "band_pass",
+    "brake_reuss_beam",
+    "brake_reuss_joints",
+    "check_matrices",
+    "check_reduction",
     "compare_modes",
     "controlled_response",
     "coupled_modes",
+    "craig_bampton",
     "diagnose",
     "fit",
+    "frame",
     "free_exponents",
     "harmonic_response",
     "hysteresis",
@@ -278,6 +303,7 @@ __all__ = [
     "positive_parameter",
     "qsma",
     "read_curves",
+    "read_matrices",
     "read_recording",
     "read_recordings",
     "register_joint",
@@ -288,7 +314,10 @@ __all__ = [
     "simulate",
     "spring",
     "structural_parameters",
+    "sumali_beam",
+    "sumali_joints",
     "three_mass",
+    "to_model",
     "update_linear",
     "work_dissipation",
 ]

@@ -60,7 +60,9 @@ def simulation_cases(
     structure: JointedStructure,
 ) -> tuple[SimulationCase, ...]:
     """The cases of a study, each name once."""
-    coordinates = {f"u{i + 1}": row for i, row in enumerate(np.eye(structure.structure.size))}
+    n = structure.structure.size
+    unnamed = (f"u{i + 1}" for i in range(len(model.coordinates), n))
+    coordinates = dict(zip((*model.coordinates, *unnamed), np.eye(n), strict=True))
     sensors = coordinates | model.sensors
     inputs = coordinates | model.rows | model.inputs
     found: dict[str, SimulationCase] = {}

@@ -135,8 +135,8 @@ def load_study(path: str | Path) -> Study:
     Parameters
     ----------
     path : str or Path
-        A YAML file with ``name`` and ``model``: a ``file`` of matrices or a ``builder`` of
-        :data:`iwanjax.structures.SYSTEMS`, with ``joints``; or ``modal``, single modes.
+        A YAML file with ``name`` and ``model``: a ``file`` of matrices or a ``builder``, with
+        ``joints``; or ``modal``, single modes.
         Optional are ``recordings``, what is analysed (``modes``, ``bands``), what is known
         of parameters (``bounds``, ``priors``, ``values``, ``fixed``), how it is done
         (``qsma``, ``simulate``, ``ringdown``, ``fit``, ``posterior``, ``seed``), and for a
@@ -161,7 +161,8 @@ def load_study(path: str | Path) -> Study:
         changes = modal_changes(source, section, modal)
     else:
         model, structure = model_of(source, section.model)
-        named = section.model.file is not None
+        # Builders of a few masses name no sensors: theirs are called as recordings please.
+        named = section.model.builder is None or bool(model.sensors)
         names = Names(
             elastic=structure.basis.omega2.shape[0],
             joints=structure.labels,

@@ -32,12 +32,15 @@ class Model:
         What each sensor sees: ``row @ u`` or its derivatives.
     inputs : dict of str to (n,) array
         Where each measured force acts: nodal force ``row * f(t)``.
+    coordinates : tuple of str
+        Names of the first coordinates u, as many as have one.
     """
 
     structure: LinearStructure
     rows: dict[str, np.ndarray]
     sensors: dict[str, np.ndarray]
     inputs: dict[str, np.ndarray]
+    coordinates: tuple[str, ...] = ()
 
 
 def read_model(path: str | Path) -> Model:

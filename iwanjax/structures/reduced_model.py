@@ -81,7 +81,7 @@ class ReducedModel:
         Returns
         -------
         Model
-            Undamped; with all rows, sensors and inputs.
+            Undamped; with all rows, sensors, inputs and named coordinates.
 
         Raises
         ------
@@ -94,7 +94,9 @@ class ReducedModel:
         for name, stiffness in springs.items():
             K += stiffness * np.outer(self.rows[name], self.rows[name])
         structure = LinearStructure(self.M, None, K)
-        return Model(structure, dict(self.rows), dict(self.sensors), dict(self.inputs))
+        return Model(
+            structure, dict(self.rows), dict(self.sensors), dict(self.inputs), self.coordinates
+        )
 
 
 def check_rows(springs: Mapping[str, float], rows: Collection[str]) -> None:

@@ -69,9 +69,9 @@ def oscillator(
 def damped(
     structure: LinearStructure,
     joints: Mapping[str, tuple[ArrayLike, AbstractJoint]],
-    zeta: float,
+    zeta: ArrayLike,
 ) -> JointedStructure:
-    """Joints on a structure whose modes at low amplitude have one damping ratio (2.25).
+    """Joints on a structure whose modes at low amplitude have these damping ratios (2.25).
 
     Parameters
     ----------
@@ -79,23 +79,25 @@ def damped(
         Its own C is replaced, unless ``zeta`` is zero.
     joints : mapping of str to (row, joint)
         As for :class:`JointedStructure`.
-    zeta : float
-        Damping ratio of each elastic mode, 1; not negative.
+    zeta : float or (k,) array_like
+        Damping ratio of each elastic mode, 1, lowest mode first; not negative. The last is that
+        of all higher modes too.
 
     Raises
     ------
     InputError
-        As :class:`JointedStructure`, and for a negative ratio.
+        As :class:`JointedStructure`, for a negative ratio, and more of them than elastic modes.
     """
-    ratio = float(finite_array(zeta, "zeta"))
-    if ratio < 0:
+    ratios = np.atleast_1d(finite_array(zeta, "zeta"))
+    if np.any(ratios < 0):
         raise InputError(
-            f"zeta = {ratio:g} is negative; expected a damping ratio, for instance 1e-4"
+            f"zeta = {ratios.min():g} is negative; expected a damping ratio, for instance 1e-4"
         )
     undamped = JointedStructure(structure, joints)
-    if ratio == 0.0:
+    if not np.any(ratios):
         return undamped
-    C = undamped.linearised("low").damping_matrix(ratio)
+    higher = undamped.basis.omega2.shape[0] - ratios.size
+    C = undamped.linearised("low").damping_matrix(np.pad(ratios, (0, max(higher, 0)), "edge"))
     return JointedStructure(LinearStructure(structure.M, C, structure.K), joints)
 
 
