@@ -9,7 +9,7 @@
 
 VENV := .venv
 BIN := $(VENV)/bin
-TEST_EXTRAS := dev notebooks
+TEST_EXTRAS := dev notebooks fem nastran
 # The first to know --system-certs that was tried with this uv.lock.
 UV_REQUIREMENT := uv>=0.13
 
