@@ -66,7 +66,10 @@ Refits the joints, then looks for what they cannot explain: a force at a row of 
 fault of a sensor or of a joint, alone or two together; where, of which kind, and how much better
 held-out recordings are predicted with it. Writes report.html, diagnosis.json and pictures.
 """
-_INSPECT_HELP = """What a file holds: arrays, recordings, channels, rates, noise, clipping."""
+_INSPECT_HELP = """What a file holds: recordings with their noise and clipping, or matrices.
+
+Of mass and stiffness matrices it tells supports, mass, lowest frequencies and mixed-up units.
+"""
 
 # Plain text everywhere: an error is one line, not a box.
 app = typer.Typer(
@@ -107,13 +110,15 @@ def _options(
 
 @app.command("inspect", help=_INSPECT_HELP)
 def inspect_verb(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording or model file.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A recording, or a file of matrices.")
+    ],
 ) -> None:
     """Tell what a file holds."""
     with _one_line_errors():
-        from iwanjax.signals import file_contents
+        from iwanjax.verbs.inspect import run
 
-        typer.echo(str(file_contents(file)))
+        typer.echo(run(file))
 
 
 @app.command("curves", help=_CURVES_HELP)

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from iwanjax.config.faults import fault
+from iwanjax.config.matrices import MatricesSection
 from iwanjax.config.prior import Prior
 from iwanjax.config.qsma import QsmaSettings
 from iwanjax.config.recordings import RecordingSection
@@ -12,7 +13,7 @@ from iwanjax.config.section import Band, Index, Pair, Positive, Section
 from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
 from iwanjax.config.simulate import SimulateSections
 
-_SOURCES = ("file", "builder", "modal")
+_SOURCES = ("file", "matrices", "builder", "modal")
 
 
 class JointSection(Section):
@@ -45,9 +46,10 @@ class ModalSection(Section):
 
 
 class ModelSection(Section):
-    """The ``model:`` section: a file of matrices or a builder, and joints; or single modes."""
+    """The ``model:`` section: a structure from files or a builder, and joints; or single modes."""
 
     file: str | None = None
+    matrices: MatricesSection | None = None
     builder: str | None = None
     modal: Annotated[tuple[ModalSection, ...], Field(min_length=1)] | None = None
     options: dict[str, Any] | None = None
@@ -58,10 +60,10 @@ class ModelSection(Section):
         given = [name for name in _SOURCES if getattr(self, name) is not None]
         if len(given) != 1:
             got = f"both {' and '.join(given)}" if given else "neither"
-            raise fault(f"got {got}; expected one of file, builder and modal")
+            raise fault(f"got {got}; expected one of file, matrices, builder and modal")
         if self.options is not None and self.builder is None:
             raise fault(f"got options for a {given[0]}; only a builder takes options", "options")
-        if self.file is not None and not self.joints:
+        if (self.file or self.matrices) is not None and not self.joints:
             raise fault("holds no joints; expected joints: [{name:, row:, type:, parameters:}]")
         if self.modal is not None and self.joints:
             raise fault("got joints beside modal; expected joint: in each entry of modal", "joints")

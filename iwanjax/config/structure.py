@@ -8,6 +8,7 @@ import numpy as np
 from iwanjax.config.builders import Built, built
 from iwanjax.config.elements import element_of
 from iwanjax.config.faults import one_of
+from iwanjax.config.matrices import model_of_matrices
 from iwanjax.config.schema import ModelSection
 from iwanjax.config.source import Source
 from iwanjax.joints import AbstractJoint
@@ -17,7 +18,7 @@ from iwanjax.structures.systems import damped
 
 
 def model_of(source: Source, section: ModelSection) -> tuple[Model, JointedStructure]:
-    """What a ``model:`` section with a file or a builder describes."""
+    """What a ``model:`` section with files or a builder describes."""
     elements = [element_of(source, i, joint) for i, joint in enumerate(section.joints)]
     found = _built(source, section, elements)
     model = found.model
@@ -36,6 +37,8 @@ def _built(source: Source, section: ModelSection, elements: Sequence[AbstractJoi
     """The structure without the study's joints."""
     if section.builder is not None:
         return built(source, section.builder, section.options or {}, elements)
+    if section.matrices is not None:
+        return Built(model_of_matrices(source, section.matrices), {})
     assert section.file is not None
     with source.blamed("model", "file"):
         return Built(read_model(source.path.parent / section.file), {})

@@ -135,8 +135,8 @@ def load_study(path: str | Path) -> Study:
     Parameters
     ----------
     path : str or Path
-        A YAML file with ``name`` and ``model``: a ``file`` of matrices or a ``builder``, with
-        ``joints``; or ``modal``, single modes.
+        A YAML file with ``name`` and ``model``: a ``file`` of ours, ``matrices`` of another
+        program or a ``builder``, with ``joints``; or ``modal``, single modes.
         Optional are ``recordings``, what is analysed (``modes``, ``bands``), what is known
         of parameters (``bounds``, ``priors``, ``values``, ``fixed``), how it is done
         (``qsma``, ``simulate``, ``ringdown``, ``fit``, ``posterior``, ``seed``), and for a
@@ -204,7 +204,8 @@ def _refuse_structural(source: Source, section: StudySection) -> None:
         given.append(("fit", "groups"))
     for place in given:
         raise source.error(
-            place, "needs a structure, model.file or model.builder; this study has modal"
+            place,
+            "needs a structure, model.file, model.matrices or model.builder; this study has modal",
         )
 
 

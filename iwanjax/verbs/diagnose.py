@@ -25,12 +25,12 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
     model, structure = study.model, study.structure
     if model is None or structure is None:
         raise InputError(
-            f"{study.path}: diagnose needs a structure so far, model.file with joints; this study "
-            "has single modes"
+            f"{study.path}: diagnose needs a structure with joints so far; this study has single "
+            "modes"
         )
     if not model.rows or not model.sensors or not model.inputs:
         raise InputError(
-            f"{study.path}: diagnose needs a model file with rows, sensor_rows and input_rows"
+            f"{study.path}: diagnose needs a model with named rows, sensors and inputs"
         )
     found = [
         (entry, recording)

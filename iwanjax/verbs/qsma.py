@@ -27,8 +27,8 @@ def run(study: Study, out: Path) -> list[str]:
     """Write qsma.json, qsma.npz, qsma.png and a picture of each joint; lines for the screen."""
     if study.structure is None:
         raise InputError(
-            f"{study.path}: qsma needs a structure, model.file or model.builder; this study has "
-            "modal"
+            f"{study.path}: qsma needs a structure, model.file, model.matrices or model.builder; "
+            "this study has modal"
         )
     if study.qsma is None:
         raise InputError(f"{study.path}: {_HOW_TO}")

@@ -71,8 +71,8 @@ def run(study: Study, out: Path) -> list[str]:
     """Write simulate.json, simulate.npz and a picture of each case; lines for the screen."""
     if study.structure is None:
         raise InputError(
-            f"{study.path}: simulate needs a structure, model.file or model.builder; this study "
-            "has modal"
+            f"{study.path}: simulate needs a structure, model.file, model.matrices or "
+            "model.builder; this study has modal"
         )
     if not study.simulate:
         raise InputError(f"{study.path}: {_HOW_TO}")

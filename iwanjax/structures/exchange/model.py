@@ -38,6 +38,11 @@ def to_model(
         forces act: a DOF ``(12, "ux")``, a pair of them (the first relative to the second),
         or an (n,) row.
 
+    Returns
+    -------
+    Model
+        Coordinates with a node map are called ``"12 ux"``.
+
     Raises
     ------
     InputError
@@ -57,11 +62,18 @@ def to_model(
             "them mass"
         )
     structure = LinearStructure(M, C, K)
-    named = (
-        {name: _row(matrices, name, place) for name, place in (each or {}).items()}
-        for each in (rows, sensors, inputs)
+
+    def named(places: Mapping[str, Place] | None) -> dict[str, np.ndarray]:
+        return {name: _row(matrices, name, place) for name, place in (places or {}).items()}
+
+    nodes = matrices.nodes if matrices.T is None else None
+    return Model(
+        structure,
+        named(rows),
+        named(sensors),
+        named(inputs),
+        tuple(f"{node} {dof}" for node, dof in nodes.labels()) if nodes is not None else (),
     )
-    return Model(structure, *named)
 
 
 def _row(matrices: ImportedMatrices, name: str, place: Place) -> np.ndarray:

@@ -115,7 +115,7 @@ def read_matrices(
 
 
 def _contents(path: Path) -> Contents:
-    existing = existing_file(path, (suffix for suffix in READERS if suffix not in _CONTAINERS))
+    existing = existing_file(path, (suffix for suffix in READERS if suffix not in CONTAINERS))
     try:
         contents = READERS[existing.suffix.lower()](existing)
     except InputError as error:
@@ -128,7 +128,8 @@ def _contents(path: Path) -> Contents:
     return contents
 
 
-_CONTAINERS = tuple(suffix for suffix, reader in READERS.items() if reader is read_container)
+CONTAINERS = tuple(suffix for suffix, reader in READERS.items() if reader is read_container)
+"""Extensions of files that hold arrays of any kind."""
 
 
 def _partners(path: Path, damping: str | Path | None) -> dict[str, str | Path | None]:
