@@ -32,6 +32,8 @@ _THETAS = (0.7, 0.4)
 _JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
 # Pairs of suspects in which a joint may stand for one.
 _PAIRS = 2
+# Times the best cost with a short memory from which on a joint's fault is fitted no further.
+_AHEAD = 1.3
 _LIKE_A_JOINT = {"viscoelastic", "coulomb_friction"}
 
 
@@ -57,9 +59,9 @@ def with_joint_faults(
     pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]
     found += _beside_another(search, pairs[:_PAIRS], best.cost, grounds)
     found += _stuck(search, nominal, best.cost, grounds) if left else []
-    faults = placed([*shorts, *found])
-    faults = [e for e in faults if all(e.fitted is not short.fitted for short in shorts)]
-    near = [e for e in faults if e.fitted.cost < RACE * best.cost]
+    everything = placed([*shorts, *found])
+    faults = [e for e in everything if all(e.fitted is not short.fitted for short in shorts)]
+    near = [e for e in faults if e.fitted.cost < _AHEAD * everything[0].fitted.cost]
     others = [e for e in faults if e not in near]
     return sorted([*entries, *others, *again(near, [], MIDDLE, grounds)], key=cost_of)
 
