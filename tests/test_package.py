@@ -12,7 +12,7 @@ import sys
 import jax
 before = jax.config.jax_enable_x64
 import iwanjax
-heavy = {"matplotlib", "emcee", "jaxopt"} & set(sys.modules)
+heavy = {"matplotlib", "emcee", "jaxopt", "scipy.sparse", "skfem"} & set(sys.modules)
 print(before, jax.config.jax_enable_x64, *sorted(heavy))
 """
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 
+from iwanjax.config import load_study
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -41,6 +43,17 @@ def test_the_second_has_the_gradient_it_prints(examples, capsys):
     _, gradient = (float(word) for word in capsys.readouterr().out.split())
     expected = float(damping(-0.5 + 1e-5) - damping(-0.5 - 1e-5)) / 2e-5
     assert gradient == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_study_of_matrices_can_be_read(tmp_path):
+    (text,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    (tmp_path / "study.yaml").write_text(text)
+    (tmp_path / "job.sti").write_text("1 1 2.0\n1 2 -1.0\n2 2 2.0\n3 3 1.0\n4 4 1.0\n")
+    (tmp_path / "job.mas").write_text("1 1 1.0\n2 2 1.0\n3 3 1.0\n4 4 1.0\n")
+    (tmp_path / "job.dof").write_text("12.1\n40.1\n7.3\n9.3\n")
+    study = load_study(tmp_path / "study.yaml")
+    assert study.structure is not None
+    assert study.structure.rows.tolist() == [[-1.0, 1.0, 0.0, 0.0]]
 
 
 def test_there_are_no_others(examples):
