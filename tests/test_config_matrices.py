@@ -1,9 +1,9 @@
 """Study files about, and a look into, matrices that other programs wrote."""
 
+import exchange_samples as chain
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from structures import exchange_samples as chain
 from typer.testing import CliRunner
 
 from iwanjax.cli import app

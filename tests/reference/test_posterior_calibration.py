@@ -20,7 +20,7 @@ from iwanjax.updating import fit
 from iwanjax.updating.sampling import sample_posterior
 
 LONG = os.environ.get("IWANJAX_LONG") == "1"
-DATA_SETS = 100 if LONG else 20
+DATA_SETS = 100 if LONG else 12
 PROBABILITY, RARE = 0.9, 1e-3
 SCALES = ("noise_scale_frequency", "noise_scale_damping")
 # Levels that are looked at: neighbours share the parameters' errors.

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import os
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from iwanjax.structures.fem.brake_reuss import (
 from iwanjax.structures.fem.lap_joint import Point
 from iwanjax.structures.full_model import check_reduction
 
+LONG = os.environ.get("IWANJAX_LONG") == "1"
 SPRINGS = BRAKE_REUSS_X_SPRINGS | BRAKE_REUSS_Y_SPRINGS
 
 
@@ -111,6 +113,7 @@ def test_modal_coupling(equal):
 
 
 @pytest.mark.reference
+@pytest.mark.skipif(not LONG, reason="IWANJAX_LONG is not set")
 def test_a_ring_down_follows_the_quasi_static_curve(equal):
     """Sec. 3.3.3, second bending: frequency within 0.03 %, damping within 6 %."""
     r, p, dt = 2, 1240.0, 1e-5
