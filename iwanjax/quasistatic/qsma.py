@@ -17,7 +17,7 @@ from iwanjax.quasistatic.levels import Background, Levels, Task, solve_levels
 from iwanjax.quasistatic.shape import updated_shapes
 from iwanjax.quasistatic.work import work_dissipation, work_path
 from iwanjax.results import Result
-from iwanjax.structures import JointedStructure
+from iwanjax.structures import JointedStructure, modal_assurance
 from iwanjax.types import ArrayLike, as_real, is_traced, require_double_precision
 
 
@@ -258,9 +258,7 @@ def _modes(
                 f"mode: a shape must be {n} finite numbers, not all zero; got an array of shape "
                 f"{asked.shape} (indices must be integers)"
             )
-        M = np.asarray(structure.structure.M)
-        Phi = np.asarray(basis.Phi)
-        assurance = (Phi.T @ M @ asked) ** 2 / (asked @ M @ asked)
+        assurance = modal_assurance(basis.Phi, asked[:, None], structure.structure.M)
         return (int(np.argmax(assurance)),), True
     if asked.dtype.kind not in "iu" or asked.ndim > 1 or asked.size == 0:
         raise InputError(f"mode = {mode!r}: expected an index, a list of indices or a shape")

@@ -7,6 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from iwanjax.errors import InputError
+from iwanjax.structures.assurance import modal_assurance
 from iwanjax.structures.reduced_model import ReducedModel, SurfaceShape, check_rows
 from iwanjax.structures.reduction import craig_bampton, full_modes
 
@@ -234,8 +235,8 @@ def check_reduction(
     elastic = (np.arange(count + 4) >= rigid) & (frequency <= limit)
     a = shapes[3 * full.surface.nodes[:, None] + np.arange(3)][..., elastic]
     b = np.tensordot(reduced.shape.recovery, Phi, axes=1)
-    a, b = (x.reshape(-1, x.shape[-1]) / np.linalg.norm(x, axis=(0, 1)) for x in (a, b))
-    assurance = (a.T @ b) ** 2
+    a, b = (x.reshape(-1, x.shape[-1]) for x in (a, b))
+    assurance = np.asarray(modal_assurance(a, b))
     best = np.argmax(assurance, axis=1)
     return ReductionCheck(
         frequency[elastic],

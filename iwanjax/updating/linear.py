@@ -26,6 +26,8 @@ from iwanjax.updating.solution import Point, certainty
 _DRAWS = 4000
 # Relative change of the values at which a search ends: priors leave long flat valleys.
 _TOLERANCE = 1e-4
+# Difference in cost that makes one minimum a hundred times as likely as another, 2 ln 100.
+_AS_GOOD = 9.2
 # Costs within this share of each other are the same minimum.
 _SAME_COST = 1e-3
 
@@ -151,13 +153,16 @@ def update_linear(
     data = problem.data(jnp.asarray(theta))
     misfit = float(jnp.sqrt(jnp.mean(data**2)))
     point = Point((after.frequency, after.assurance), (data, data[:0]), slope, {}, {})
-    sure = certainty(point, final, tuple(active), misfit, theta[None])
+    # Another minimum that is this little worse may hold the truth.
+    as_good = cost <= cost[best] + _AS_GOOD * max(1.0, misfit) ** 2
+    sure = certainty(point, final, tuple(active), misfit, np.asarray(found.theta)[as_good])
     return LinearSolution(
         parameters=final,
         started=row,
         covariance=sure.covariance,
         undetermined=sure.undetermined,
         determined=sure.determined,
+        rivals=sure.rivals,
         active_bounds=active,
         measured_frequency=measured.frequency,
         frequency_std=measured.frequency_std,

@@ -28,6 +28,9 @@ class LinearSolution:
         Combinations that the data narrow to no less than a third of the prior.
     determined : dict of str to bool
         For each free parameter, whether the data narrow it to less than a third.
+    rivals : dict of str to (float, float)
+        Range of each parameter over minima that noise may have made the worse ones, where that
+        is more than a third of its prior; such are not determined.
     active_bounds : dict of str to float
         Parameters that the data would move beyond a bound, and the bound.
     measured_frequency, frequency_std : (k,) array
@@ -53,6 +56,7 @@ class LinearSolution:
     covariance: np.ndarray = field(repr=False)
     undetermined: tuple[Direction, ...]
     determined: dict[str, bool]
+    rivals: dict[str, tuple[float, float]]
     active_bounds: dict[str, float]
     measured_frequency: np.ndarray
     frequency_std: np.ndarray
@@ -113,6 +117,9 @@ class LinearSolution:
         width = max(len(p.name) for p in self.parameters)
         for p in self.parameters:
             lines.append(f"  {p.name:<{width}}  {self._told(p):<36}  {p.meaning}".rstrip())
+        if self.rivals:
+            lines += ["", "  Other minima explain these modes as well, to what noise can do, with"]
+            lines += [f"    {k} from {a:.3g} to {b:.3g}" for k, (a, b) in self.rivals.items()]
         if self.undetermined:
             lines += ["", "  These modes do not determine:"]
             lines += [

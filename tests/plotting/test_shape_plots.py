@@ -108,6 +108,7 @@ def test_linear_updating_shows_errors_and_factors():
         covariance=np.diag([0.3**2, 3.0**2]),
         undetermined=(),
         determined={"k": True, "idle": False},
+        rivals={},
         active_bounds={},
         measured_frequency=np.array([10.0, 20.0]),
         frequency_std=np.array([0.01, 0.01]),

@@ -66,6 +66,7 @@ def test_what_the_modes_determine_is_found(found, truth):
     np.testing.assert_allclose(found.assurance, 1.0, atol=1e-4)
     assert found.mode.tolist() == [2, 0, 3, 1]
     assert found.converged
+    assert not found.rivals
 
 
 def test_what_they_do_not_determine_keeps_its_prior_and_is_said(found):
@@ -102,6 +103,20 @@ def test_modes_are_followed_where_frequencies_cross():
     solution = update_linear(structure, measured, parameters, sensors=np.eye(2))
     assert solution.values == pytest.approx({"a": 200.0, "b": 120.0}, rel=1e-3)
     assert solution.mode.tolist() == [1, 0]
+
+
+def test_two_minima_that_are_as_good_are_both_told():
+    """Two masses alike, tied together: whose spring is the stiffer one no frequency says."""
+    terms = {"a": spring([1.0, 0.0]), "b": spring([0.0, 1.0])}
+    structure = AffineStructure(np.eye(2), 300.0 * np.array([[1.0, -1.0], [-1.0, 1.0]]), terms)
+    parameters = {n: positive_parameter(n, 140.0, 1.5) for n in terms}
+    f = np.asarray(structure.at({"a": 200.0, "b": 100.0}).modes().frequency)
+    found = update_linear(structure, MeasuredModes(f, 1e-4), parameters, modes=[0, 1], starts=8)
+    for name in terms:
+        low, high = found.rivals[name]
+        assert (low, high) == pytest.approx((100.0, 200.0), rel=0.02)
+        assert not found.determined[name]
+    assert "Other minima explain these modes as well" in found.summary()
 
 
 def test_a_bound_that_is_asked_to_give_way_is_said(truth):
