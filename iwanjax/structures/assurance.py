@@ -3,12 +3,16 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from iwanjax.types import ArrayLike
+
 # Shapes of less than this share of the largest one's square are not seen by the sensors.
 _UNSEEN = 1e-6
 
 
 def modal_assurance(
-    first: Float[Array, "n k"], second: Float[Array, "n m"], weight: Array | None = None
+    first: Float[ArrayLike, "n k"],
+    second: Float[ArrayLike, "n m"],
+    weight: Float[ArrayLike, "n n"] | None = None,
 ) -> Float[Array, "k m"]:
     r"""Modal assurance criterion (MAC) of every pair of shapes, 0 to 1.
 
@@ -31,10 +35,11 @@ def modal_assurance(
     ----------
     Allemang and Brown, IMAC 1 (1982) 110.
     """
-    weighted = second if weight is None else weight @ second
-    cross = first.T @ weighted
-    own_first = jnp.sum(first * (first if weight is None else weight @ first), axis=0)
-    own_second = jnp.sum(second * weighted, axis=0)
+    a, b = jnp.asarray(first), jnp.asarray(second)
+    Wa, Wb = (a, b) if weight is None else (jnp.asarray(weight) @ x for x in (a, b))
+    cross = a.T @ Wb
+    own_first = jnp.sum(a * Wa, axis=0)
+    own_second = jnp.sum(b * Wb, axis=0)
     return cross**2 / (_seen(own_first)[:, None] * _seen(own_second))
 
 
