@@ -10,9 +10,9 @@ _UNSEEN = 1e-6
 
 
 def modal_assurance(
-    first: Float[ArrayLike, "n k"],
-    second: Float[ArrayLike, "n m"],
-    weight: Float[ArrayLike, "n n"] | None = None,
+    first: ArrayLike,
+    second: ArrayLike,
+    weight: ArrayLike | None = None,
 ) -> Float[Array, "k m"]:
     r"""Modal assurance criterion (MAC) of every pair of shapes, 0 to 1.
 
