@@ -69,7 +69,7 @@ demo: $(CORE) ## from hammer hits to a fitted joint and its report in results/
 	@$(BIN)/iwanjax fit configs/modal_ringdown.yaml --out results/modal_ringdown
 
 test: lint ## check style and types, then run the tests
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 --dist worksteal
 
 lint: $(TEST) ## check style and types only
 	$(BIN)/ruff check .
