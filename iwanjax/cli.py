@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
+from iwanjax.compiler import compile_quickly
 from iwanjax.errors import IwanjaxError
 
 _HELP = """Differentiable model updating for structures with bolted joints.
@@ -182,6 +183,7 @@ def _set_up() -> None:
     """Double precision, compiled kernels kept between runs, pictures without a screen."""
     # Optimistix's kernels can be kept on disk only without calls back into Python.
     os.environ.setdefault("EQX_ON_ERROR", "nan")
+    compile_quickly()
     import jax
 
     jax.config.update("jax_enable_x64", True)

@@ -6,17 +6,17 @@ from pathlib import Path
 
 # JAX reads this when it is imported; a GPU in the machine must not change what the tests see.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
-# Where the command line keeps compiled kernels: not in anybody's home, but shared by the tests,
-# whose workers and notebooks would otherwise each compile the same ones.
+# Where the command line keeps compiled kernels: not in anybody's home, but shared by the tests.
 os.environ.setdefault("IWANJAX_CACHE", str(Path(tempfile.gettempdir()) / "iwanjax-test-kernels"))
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", os.environ["IWANJAX_CACHE"])
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
 
 import hypothesis
 import jax
 import matplotlib as mpl
 import pytest
 
+from iwanjax.compiler import compile_quickly
+
+compile_quickly()
 jax.config.update("jax_enable_x64", True)
 mpl.use("Agg")
 

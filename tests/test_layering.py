@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 LAYERS = [
-    {"errors", "types", "curves", "results", "files", "threads"},
+    {"errors", "types", "curves", "results", "files", "threads", "compiler"},
     {"joints", "signals"},
     {"structures"},
     {"quasistatic", "dynamics"},
