@@ -16,6 +16,8 @@ import pytest
 
 from iwanjax.compiler import compile_quickly
 
+# Most of the tests' time is compilation, of what runs once. Notebooks' kernels and the tests' other
+# processes inherit it.
 compile_quickly()
 jax.config.update("jax_enable_x64", True)
 mpl.use("Agg")
@@ -24,6 +26,15 @@ mpl.use("Agg")
 hypothesis.settings.register_profile("default", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests marked long run with IWANJAX_LONG=1 only."""
+    if os.environ.get("IWANJAX_LONG") == "1":
+        return
+    for item in items:
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.skip(reason="long: IWANJAX_LONG=1 runs it"))
 
 
 @pytest.fixture(scope="session")

@@ -17,6 +17,7 @@ from iwanjax.discrepancy.measured import Prepared, Transient, prepared
 from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
+from iwanjax.discrepancy.ranking import containing
 from iwanjax.discrepancy.restoring import restoring_force
 from iwanjax.discrepancy.rounds import Entry, Grounds
 from iwanjax.discrepancy.search import Search
@@ -165,6 +166,9 @@ def diagnose(
             "What was added does not predict the held-out recordings better: take it as a hint"
         )
     warnings += _left(fitted, table.detected, unknown)
+    indistinguishable = alike(what, _ALIKE) if what else ()
+    if table.detected:
+        indistinguishable += containing(table.best, table.entries)
     return Diagnosis(
         detected=table.detected,
         probability_nothing_missing=(1.0 - unknown) * table.probability_of_nothing,
@@ -173,7 +177,7 @@ def diagnose(
         before=Errors(*(_relative(x) for x in before)),
         after=Errors(*(_relative(x) for x in after)),
         noise_floor=Errors(*(x.floor if x else math.nan for x in after)),
-        indistinguishable=alike(what, _ALIKE) if what else (),
+        indistinguishable=tuple(dict.fromkeys(indistinguishable)),
         observables=differing,
         scores=table.scores,
         runs=(_joined(before), _joined(after)),

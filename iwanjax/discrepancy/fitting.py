@@ -215,6 +215,17 @@ class _Lane:
         return self._squares + np.diag(self.layout.precision)
 
     @property
+    def foreseen(self) -> float:
+        """Cost after a full step, were residuals linear."""
+        moment = np.einsum("rik,ri->k", self.layout.T, self.seen.moment)
+        moment += self.layout.precision * self.x
+        try:
+            found = self.cost - float(moment @ np.linalg.solve(self.normal, moment))
+        except np.linalg.LinAlgError:
+            return math.inf
+        return found if math.isfinite(found) else math.inf
+
+    @property
     def _squares(self) -> np.ndarray:
         T = self.layout.T
         return np.einsum("rik,rij,rjl->kl", T, self.seen.normal, T)
@@ -294,6 +305,44 @@ def _leaping(hypothesis: Hypothesis, layout: _Layout) -> np.ndarray:
     return logs
 
 
+def _lanes(search: Search, starts: Sequence[Start], cycles: float) -> list[_Lane]:
+    """Searches at their beginning."""
+    begun = [_layout(search, start) for start in starts]
+    hypotheses = [start.hypothesis for start in starts]
+    thetas = [
+        (h, layout.base + layout.T @ x) for h, (layout, x) in zip(hypotheses, begun, strict=True)
+    ]
+    count = int(np.count_nonzero(np.asarray(search.data.weight)))
+    return [
+        _Lane(h, layout, search.parameters, count, x, seen, correlation_time(seen.residual))
+        for h, (layout, x), seen in zip(
+            hypotheses, begun, evaluate(search, thetas, cycles), strict=True
+        )
+    ]
+
+
+def foreseen(search: Search, starts: Sequence[Start], cycles: float) -> list[float]:
+    """Costs that one full step would reach, were residuals linear in what is fitted.
+
+    What a suspect promises, for the price of one evaluation.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    starts : sequence of Start
+        Hypotheses and where they are linearised.
+    cycles : float
+        Memory of the observer.
+
+    Returns
+    -------
+    list of float
+        Infinite where the model breaks down.
+    """
+    return [lane.foreseen for lane in _lanes(search, starts, cycles)]
+
+
 def fit_all(
     search: Search,
     starts: Sequence[Start],
@@ -335,17 +384,8 @@ def fit_all(
     """
     if not starts:
         return []
-    begun = [_layout(search, start) for start in starts]
-    hypotheses = [start.hypothesis for start in starts]
-    lanes = []
-    thetas = [
-        (h, layout.base + layout.T @ x) for h, (layout, x) in zip(hypotheses, begun, strict=True)
-    ]
-    count = int(np.count_nonzero(np.asarray(search.data.weight)))
-    found = evaluate(search, thetas, cycles)
-    for h, (layout, x), seen in zip(hypotheses, begun, found, strict=True):
-        tau = correlation_time(seen.residual)
-        lanes.append(_Lane(h, layout, search.parameters, count, x, seen, tau))
+    lanes = _lanes(search, starts, cycles)
+    count = lanes[0].count
     for step in range(steps):
         if not in_time():
             break

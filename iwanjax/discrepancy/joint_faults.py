@@ -3,13 +3,15 @@
 import itertools
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import ForceKind, JointKind
 from iwanjax.discrepancy.evidence import left_by_noise
-from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
+from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all, foreseen
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.rounds import (
+    INDULGENCE,
     MIDDLE,
     MISFIT,
     RACE,
@@ -25,8 +27,10 @@ from iwanjax.discrepancy.screen import Candidate
 from iwanjax.discrepancy.search import Search, Start
 from iwanjax.joints import Iwan4
 
-# Ratios of kinetic to static friction to begin with.
-_THETAS = (0.7, 0.4)
+# Ratios of kinetic to static friction to begin with: near one what it does is nearly linear.
+_THETAS = (0.7, 0.4, 0.95)
+# Starts of a hypothesis that are fitted, those that promise most.
+_TRIED = 2
 # Places where a whole joint is tried, and how many starts; slips to begin with, of the largest
 # deflection, or of a slider's own.
 _JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
@@ -34,7 +38,14 @@ _JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
 _PAIRS = 2
 # Times the best cost with a short memory from which on a joint's fault is fitted no further.
 _AHEAD = 1.3
-_LIKE_A_JOINT = {"viscoelastic", "coulomb_friction"}
+_LIKE_A_JOINT = {"viscoelastic", "coulomb_friction", "stiffness_error"}
+
+
+class _Limits(NamedTuple):
+    """Costs to compare with: the best one so far, and what has to be foreseen to be tried."""
+
+    best: float
+    worth: float
 
 
 def with_joint_faults(
@@ -55,10 +66,13 @@ def with_joint_faults(
         return entries
     known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
     grounds.progress("refitting joints of other kinds")
-    found = _joints_left_out(search, known, best.cost, grounds, _JOINT_PLACES if left else 1)
+    # One step of the nominal model, and what must be gained beside it to be worth a fit.
+    worth = (1.0 - INDULGENCE) * foreseen(search, [nominal.start], SHORT)[0]
+    limits = _Limits(best.cost, worth)
+    found = _joints_left_out(search, known, limits, grounds, _JOINT_PLACES if left else 1)
     pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]
-    found += _beside_another(search, pairs[:_PAIRS], best.cost, grounds)
-    found += _stuck(search, nominal, best.cost, grounds) if left else []
+    found += _beside_another(search, pairs[:_PAIRS], limits, grounds)
+    found += _stuck(search, nominal, limits, grounds) if left else []
     everything = placed([*shorts, *found])
     faults = [e for e in everything if all(e.fitted is not short.fitted for short in shorts)]
     near = [e for e in faults if e.fitted.cost < _AHEAD * everything[0].fitted.cost]
@@ -66,7 +80,7 @@ def with_joint_faults(
     return sorted([*entries, *others, *again(near, [], MIDDLE, grounds)], key=cost_of)
 
 
-def _stuck(search: Search, nominal: Fitted, best: float, grounds: Grounds) -> list[Entry]:
+def _stuck(search: Search, nominal: Fitted, limits: _Limits, grounds: Grounds) -> list[Entry]:
     """Stiction of every joint."""
     z = nominal.theta.mean(axis=0)[: search.parameters]
     made = [
@@ -76,11 +90,11 @@ def _stuck(search: Search, nominal: Fitted, best: float, grounds: Grounds) -> li
         for j, label in enumerate(grounds.joints)
         if type(search.joints[j].given) is Iwan4
     ]
-    return _best_of_each(made, best, grounds)
+    return _best_of_each(made, limits, grounds)
 
 
 def _joints_left_out(
-    search: Search, known: Sequence[Start], best: float, grounds: Grounds, most: int
+    search: Search, known: Sequence[Start], limits: _Limits, grounds: Grounds, most: int
 ) -> list[Entry]:
     """A joint more where the best suspects are."""
     by_label = {place.label: place for place in grounds.places}
@@ -93,11 +107,11 @@ def _joints_left_out(
                 guesses = _guesses(search, known, place)
                 if guesses:
                     made.append(suspicion.with_joint(search, kind, place, guesses))
-    return _best_of_each(made, best, grounds)
+    return _best_of_each(made, limits, grounds)
 
 
 def _beside_another(
-    search: Search, pairs: Sequence[Fitted], best: float, grounds: Grounds
+    search: Search, pairs: Sequence[Fitted], limits: _Limits, grounds: Grounds
 ) -> list[Entry]:
     """A joint in place of either of two suspects, the other kept."""
     by_label = {place.label: place for place in grounds.places}
@@ -110,19 +124,25 @@ def _beside_another(
         key = (pair.hypothesis.where[slot], kept.hypothesis.label)
         if place and guesses and key not in made:
             made[key] = suspicion.with_joint(search, kind, place, guesses, kept)
-    return _best_of_each(list(made.values()), best, grounds)
+    return _best_of_each(list(made.values()), limits, grounds)
 
 
 def _best_of_each(
-    made: Sequence[tuple[Search, list[Start]]], best: float, grounds: Grounds
+    made: Sequence[tuple[Search, list[Start]]], limits: _Limits, grounds: Grounds
 ) -> list[Entry]:
-    """The best fit of each hypothesis that has a search of its own."""
-    found = []
+    """The best fit of each hypothesis that has a search of its own and promises something."""
+    found, best = [], limits.best
     for own, starts in made:
-        if grounds.in_time():
-            fits = fit_all(own, starts, SHORT, STEPS, race=RACE, best=best, in_time=grounds.in_time)
-            best = min(best, *(each.cost for each in fits))
-            found.append(Entry(own, min(fits, key=lambda each: each.cost)))
+        if not grounds.in_time():
+            break
+        costs = foreseen(own, starts, SHORT)
+        order = sorted(range(len(starts)), key=costs.__getitem__)
+        if costs[order[0]] > limits.worth:
+            continue
+        chosen = [starts[i] for i in order[:_TRIED]]
+        fits = fit_all(own, chosen, SHORT, STEPS, race=RACE, best=best, in_time=grounds.in_time)
+        best = min(best, *(each.cost for each in fits))
+        found.append(Entry(own, min(fits, key=lambda each: each.cost)))
     return found
 
 

@@ -12,6 +12,8 @@ from iwanjax.discrepancy.rounds import INDULGENCE, RACE, Entry, cost_of
 _LEAST_GAIN = 12.0
 # Kinds that a joint left out can be all but the same as.
 _WITHIN_A_JOINT = ("coulomb_friction", "stiffness_error")
+# Squared residual of a joint over that of its limit from which on it does not explain as much.
+_AS_MUCH = 1.02
 # Entries that are fitted to the free run, by evidence.
 _FINALISTS = 3
 
@@ -52,6 +54,25 @@ def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
 def missing(base: Entry, best: Entry) -> bool:
     """Whether the evidence for the best suspect is enough against nothing."""
     return best.behind - base.behind > _LEAST_GAIN
+
+
+def containing(best: Entry, entries: Sequence[Entry]) -> tuple[tuple[str, str], ...]:
+    """Suspects of the best entry, each with a joint it is a limit of and that explains as much.
+
+    Both as kind@where.
+
+    A joint that never slips is a spring and one that always does a slider: where the simpler
+    one does, no data speaks against the joint.
+    """
+    parts = _parts(best)
+    return tuple(
+        ("@".join(limit), "@".join(joint))
+        for e in entries
+        if parts in _simpler(e)
+        and e.fitted.cycles == best.fitted.cycles
+        and e.fitted.cost < _AS_MUCH * best.fitted.cost
+        for limit, joint in zip(parts - _parts(e), _parts(e) - parts, strict=True)
+    )
 
 
 def _parts(entry: Entry) -> frozenset[tuple[str, str]]:

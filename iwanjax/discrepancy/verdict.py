@@ -172,9 +172,10 @@ class Diagnosis:
                 f"Held-out error falls from {self.before.hold_out:.2g} to "
                 f"{self.after.hold_out:.2g}; the noise floor is {self.noise_floor.hold_out:.2g}."
             )
-        rivals = [b if a == self.what[0].label else a for a, b in self.indistinguishable]
-        if rivals:
-            told.append(f"These data cannot tell it from {', '.join(rivals)}.")
+        for each in self.found:
+            rivals = [b for a, b in self.indistinguishable if a == each.label]
+            if rivals:
+                told.append(f"These data cannot tell {each.label} from {', '.join(rivals)}.")
         return told
 
 

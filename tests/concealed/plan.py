@@ -1,9 +1,11 @@
 """What is concealed where and how strongly: the cases before their sizes are known.
 
 Everything is drawn from generators seeded by the case number, so that a case never depends on
-the others. Even numbers are for development, odd numbers are opened once at the end.
+the others. A set of cases is held back, opened once when a stage of work is over, and serves
+development from then on.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +44,8 @@ class Case:
 
 PLAIN, MEDIUM, WEAK = "plain", "medium", "weak"
 # One line per case: the structure, then (kind, place, strength) of every effect.
-DEVELOPMENT: tuple[tuple[str, tuple[Wanted, ...]], ...] = (
+Listed = tuple[tuple[str, tuple[Wanted, ...]], ...]
+DEVELOPMENT: Listed = (
     ("chain3", (("stiffness_error", "m2-m3", PLAIN),)),
     ("lap_beam", (("stiffness_error", "tip-ground", WEAK),)),
     ("chain4", (("mass_error", "m2-ground", MEDIUM),)),
@@ -74,7 +77,7 @@ DEVELOPMENT: tuple[tuple[str, tuple[Wanted, ...]], ...] = (
     ("chain6", (("stiffness_error", "m2-m3", MEDIUM), ("quadratic_damping", "m6-ground", MEDIUM))),
     ("lap_beam", (("cubic_stiffness", "tip-ground", PLAIN), ("mass_error", "w2-ground", MEDIUM))),
 )
-FINAL: tuple[tuple[str, tuple[Wanted, ...]], ...] = (
+OPENED: Listed = (
     ("chain6", (("stiffness_error", "m5-ground", MEDIUM),)),
     ("lap_beam", (("mass_error", "tip-ground", PLAIN),)),
     ("chain3", (("mass_error", "m3-ground", WEAK),)),
@@ -109,8 +112,52 @@ FINAL: tuple[tuple[str, tuple[Wanted, ...]], ...] = (
         (("coulomb_friction", "m1-ground", MEDIUM), ("cubic_stiffness", "m2-ground", PLAIN)),
     ),
 )
+BEAM: Listed = (
+    ("brake_reuss", (("gap_contact", "a10-ground", PLAIN),)),
+    ("brake_reuss", (("stiffness_error", "opening3", MEDIUM),)),
+    ("brake_reuss", (("sensor_delay", "a9", MEDIUM),)),
+)
+FINAL: Listed = (
+    ("oscillator", (("cubic_stiffness", "J1", WEAK),)),
+    ("chain2", (("quadratic_stiffness", "m2-ground", MEDIUM),)),
+    ("chain2", (("mass_error", "m2-ground", PLAIN),)),
+    ("chain3", (("coulomb_friction", "m2-m3", PLAIN),)),
+    ("chain3", (("viscoelastic", "m2-m3", WEAK),)),
+    ("chain3", (("stiction", "J1", PLAIN),)),
+    ("chain3", (("sensor_saturation", "a1", MEDIUM),)),
+    ("chain4", (("cubic_stiffness", "m2-ground", WEAK),)),
+    ("chain4", (("iwan_joint", "m2-m3", MEDIUM),)),
+    ("chain4", (("joint_drift", "J1", WEAK),)),
+    ("chain4", (("sensor_delay", "a4", MEDIUM),)),
+    ("chain5", (("stiffness_error", "m3-ground", MEDIUM),)),
+    ("chain5", (("gap_contact", "m2-m3", PLAIN),)),
+    ("chain5", (("quadratic_damping", "m2-ground", MEDIUM),)),
+    ("chain5", (("sensor_gain", "a2", WEAK),)),
+    ("chain6", (("viscous_damping", "m3-m4", PLAIN),)),
+    ("chain6", (("bilinear_stiffness", "m2-m3", MEDIUM),)),
+    ("chain6", (("mass_error", "m4-ground", WEAK),)),
+    ("chain6", (("sensor_polarity", "a1", PLAIN),)),
+    ("lap_beam", (("coulomb_friction", "w3-ground", MEDIUM),)),
+    ("lap_beam", (("bilinear_stiffness", "tip-ground", WEAK),)),
+    ("lap_beam", (("viscoelastic", "tip-ground", PLAIN),)),
+    ("lap_beam", (("stiffness_error", "w2-ground", MEDIUM),)),
+    ("brake_reuss", (("cubic_stiffness", "a6-ground", MEDIUM),)),
+    ("brake_reuss", (("joint_drift", "J3", MEDIUM),)),
+    ("brake_reuss", (("sensor_gain", "a4", PLAIN),)),
+    ("brake_reuss", (("viscous_damping", "a2-ground", PLAIN),)),
+    ("chain3", (("viscous_damping", "m3-ground", MEDIUM), ("sensor_gain", "a1", MEDIUM))),
+    ("chain5", (("cubic_stiffness", "m3-m4", MEDIUM), ("coulomb_friction", "m2-ground", MEDIUM))),
+    ("lap_beam", (("gap_contact", "tip-ground", MEDIUM), ("sensor_delay", "a2", MEDIUM))),
+)
 EMPTY = ("oscillator", "chain2", "chain3", "chain4", "chain6", "lap_beam") * 3
-"""Structures of the cases without an effect, in either half."""
+"""Structures of the cases without an effect, in the first two sets."""
+EMPTY_BEAMS = ("brake_reuss", "brake_reuss")
+EMPTY_FINAL = (
+    *("oscillator", "chain2", "chain3", "chain4", "chain5", "chain6", "lap_beam", "brake_reuss")
+    * 2,
+    "chain3",
+    "lap_beam",
+)
 
 
 def _hits(structure: Structure, rng: np.random.Generator) -> tuple[Hit, ...]:
@@ -181,14 +228,24 @@ def _case(number: int, name: str, wanted: tuple[Wanted, ...]) -> Case:
     )
 
 
-def _half(listed: tuple[tuple[str, tuple[Wanted, ...]], ...], parity: int) -> list[Case]:
-    """Shuffle one half, so that a number tells nothing, and number it by its parity."""
-    everything = [*listed, *((name, ()) for name in EMPTY)]
-    order = np.random.default_rng([7, parity]).permutation(len(everything))
-    return [_case(2 * i + parity, *everything[j]) for i, j in enumerate(order)]
+def _set(listed: Listed, empty: tuple[str, ...], seed: int, numbers: range) -> list[Case]:
+    """Shuffle one set, so that a number tells nothing, and number it."""
+    everything = [*listed, *((name, ()) for name in empty)]
+    order = np.random.default_rng([7, seed]).permutation(len(everything))
+    return [_case(number, *everything[j]) for number, j in zip(numbers, order, strict=False)]
+
+
+SETS = {
+    "dev": [
+        *_set(DEVELOPMENT, EMPTY, 0, range(0, 96, 2)),
+        *_set(BEAM, EMPTY_BEAMS, 2, range(96, 101)),
+    ],
+    "opened": _set(OPENED, EMPTY, 1, range(1, 96, 2)),
+    "final": _set(FINAL, EMPTY_FINAL, 3, range(101, 149)),
+}
+"""Cases of each set: for development, held back until they were opened, still held back."""
 
 
 def plan() -> tuple[Case, ...]:
     """Return all cases in the order of their numbers, without the sizes of their effects."""
-    cases = _half(DEVELOPMENT, 0) + _half(FINAL, 1)
-    return tuple(sorted(cases, key=lambda case: case.number))
+    return tuple(sorted(itertools.chain(*SETS.values()), key=lambda case: case.number))

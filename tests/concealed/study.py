@@ -1,6 +1,6 @@
 """Write concealed cases as studies: model, recordings, study.yaml, and the truth beside them.
 
-`python tests/concealed/study.py OUT [--half dev|final] [--only N ...]`
+`python tests/concealed/study.py OUT [--set dev|opened|final] [--only N ...]`
 """
 
 import argparse
@@ -17,7 +17,7 @@ if __name__ == "__main__":
 
 from concealed.cases import CASES
 from concealed.physics import measure, saturate
-from concealed.plan import Case
+from concealed.plan import SETS, Case
 from concealed.structures import Structure
 
 FORCE_NOISE = 0.001
@@ -112,11 +112,12 @@ def main(arguments: list[str] | None = None) -> None:
     """Write the chosen cases into folders OUT/caseNN."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("out", type=Path, metavar="OUT")
-    parser.add_argument("--half", choices=("dev", "final"), help="even or odd case numbers")
+    parser.add_argument("--set", choices=tuple(SETS), help="one of the sets of cases")
     parser.add_argument("--only", type=int, nargs="+", metavar="N")
     chosen = parser.parse_args(arguments)
+    wanted = {case.number for case in (SETS[chosen.set] if chosen.set else CASES)}
     for case in CASES:
-        if chosen.half and case.number % 2 != ("dev", "final").index(chosen.half):
+        if case.number not in wanted:
             continue
         if chosen.only and case.number not in chosen.only:
             continue

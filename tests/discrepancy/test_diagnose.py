@@ -4,12 +4,12 @@ The cases come from the generator in tests/concealed, which shares nothing with 
 """
 
 import json
-import os
 from functools import cache
 
 import numpy as np
 import pytest
 from concealed.cases import CASES
+from concealed.plan import SETS
 from concealed.study import write
 from typer.testing import CliRunner
 
@@ -20,7 +20,6 @@ from iwanjax.joints import ParameterInfo
 
 # Chains of two masses: one set of kernels serves them all.
 NOTHING, FRICTION = 2, 94
-LONG = os.environ.get("IWANJAX_LONG") == "1"
 RNG = np.random.default_rng(0)
 TWO = np.eye(2)
 ROWS = {"m1-ground": TWO[0], "m2-ground": TWO[1], "J1": np.array([-1.0, 1.0])}
@@ -98,8 +97,8 @@ def test_a_budget_that_is_too_short_is_said(told):
     assert "too short" in verdict["statement"]
 
 
-@pytest.mark.skipif(not LONG, reason="IWANJAX_LONG is not set")
-@pytest.mark.parametrize("number", [case.number for case in CASES if case.number % 2 == 0])
+@pytest.mark.long
+@pytest.mark.parametrize("number", [case.number for case in SETS["dev"]])
 def test_every_case_of_the_development_half(told, number):
     verdict, truth, _ = told(number)
     found = verdict["what"][: len(labels(truth["kind"], truth["where"]))]

@@ -5,7 +5,7 @@ import pytest
 
 from iwanjax.discrepancy.catalogue import kinds_of
 from iwanjax.discrepancy.evidence import left_by_noise
-from iwanjax.discrepancy.ranking import finalists, missing, ranked
+from iwanjax.discrepancy.ranking import containing, finalists, missing, ranked
 from iwanjax.discrepancy.rounds import MIDDLE, Entry
 
 N = 4000
@@ -82,3 +82,19 @@ def test_what_fits_best_goes_on_though_others_are_ahead():
     assert chosen == [*entries[:3], fittest]
     hopeless = entry(20.0, "mass_error@a")
     assert finalists(entry(30.0), [entries[0], hopeless]) == [entries[0]]
+
+
+def test_a_joint_that_its_limit_stands_for_is_told():
+    spring = entry(1.0, "stiffness_error@a")
+    never_slips, other_place = entry(0.99, "iwan_joint@a"), entry(0.99, "iwan_joint@b")
+    alike = (("stiffness_error@a", "iwan_joint@a"),)
+    assert containing(spring, [spring, other_place, never_slips]) == alike
+    # One that was not fitted as far, or that explains less, is not as good.
+    assert containing(spring, [entry(0.99, "iwan_joint@a", cycles=2.0)]) == ()
+    assert containing(spring, [entry(1.1, "iwan_joint@a")]) == ()
+
+
+def test_of_a_pair_the_one_that_is_a_limit_is_told():
+    pair = entry(1.0, "mass_error@b", "coulomb_friction@a")
+    joint = entry(1.0, "iwan_joint@a", "mass_error@b")
+    assert containing(pair, [pair, joint]) == (("coulomb_friction@a", "iwan_joint@a"),)

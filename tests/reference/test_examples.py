@@ -1,7 +1,6 @@
-"""The two examples beside the project: one force concealed, and none. IWANJAX_LONG=1 runs them."""
+"""The two examples beside the project: one force concealed, and none."""
 
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,7 @@ EXAMPLES = Path(__file__).resolve().parents[3] / "shared" / "examples"
 pytestmark = [
     pytest.mark.reference,
     pytest.mark.skipif(not EXAMPLES.is_dir(), reason="no examples beside the project"),
-    pytest.mark.skipif(not os.environ.get("IWANJAX_LONG"), reason="IWANJAX_LONG is not set"),
+    pytest.mark.long,
 ]
 
 

@@ -1,10 +1,8 @@
 """How often 90 per cent intervals hold the truth, over simulated data sets of one mode.
 
 The data are steady cycles of discrete sliders, with the step from the cycle's damping to that
-of a ring-down worked out beside the package. IWANJAX_LONG=1 takes a hundred sets.
+of a ring-down worked out beside the package.
 """
-
-import os
 
 import equinox as eqx
 import jax
@@ -19,8 +17,7 @@ import iwanjax as ij
 from iwanjax.updating import fit
 from iwanjax.updating.sampling import sample_posterior
 
-LONG = os.environ.get("IWANJAX_LONG") == "1"
-DATA_SETS = 100 if LONG else 12
+DATA_SETS = 100
 PROBABILITY, RARE = 0.9, 1e-3
 SCALES = ("noise_scale_frequency", "noise_scale_damping")
 # Levels that are looked at: neighbours share the parameters' errors.
@@ -43,10 +40,8 @@ def counts():
     tail = 0.5 * (1.0 - PROBABILITY)
     for seed in range(1000, 1000 + DATA_SETS):
         found = fit("iwan4", noisy(seed))
-        # Half a thousand effective samples tell a five per cent quantile well enough.
-        length = {"effective": 1000} if LONG else {"effective": 10**6, "most_steps": 500}
-        posterior = sample_posterior(found, walkers=24, seed=seed, **length)
-        assert posterior.enough or not LONG
+        posterior = sample_posterior(found, walkers=24, seed=seed, effective=1000)
+        assert posterior.enough
         for name in held:
             if not found.determined.get(name, True):
                 continue
@@ -66,11 +61,13 @@ def limits(total):
     return scipy.stats.binom.ppf([RARE / 2, 1 - RARE / 2], total, PROBABILITY)
 
 
+@pytest.mark.long
 def test_macroslip_determines_all(counts):
     _, known, _ = counts
     assert known == dict.fromkeys(known, DATA_SETS)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_as_often_as_they_say(counts):
     held, known, _ = counts
     for name, count in held.items():
@@ -78,6 +75,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(counts):
         assert low <= count <= high, (name, held)
 
 
+@pytest.mark.long
 def test_bands_hold_the_true_curves_as_often_as_they_say(counts):
     _, _, bands = counts
     low, high = limits(DATA_SETS)

@@ -141,6 +141,7 @@ def comparisons():
     return {mass: ij.compare_modes(point_hits(mass, levels)) for mass in range(3)}
 
 
+@pytest.mark.long  # notebook 04 compares them too
 def test_coupled_modes_beside_the_single_mode_model():
     """Median damping error <= 10 % where the single-mode model is off by up to 67 % and more."""
     coupled, single = [], []
@@ -154,6 +155,7 @@ def test_coupled_modes_beside_the_single_mode_model():
     assert np.median(np.concatenate(single)) > 0.15
 
 
+@pytest.mark.long
 def test_a_weak_mode_in_microslip_is_underestimated_when_taken_alone():
     """Mode 2 is weak at mass 2, whose hit of p = 300 makes the others drive the joint."""
     (each,) = (c for c in comparisons()[1] if c.mode == 1 and c.case == 4)

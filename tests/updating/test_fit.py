@@ -203,6 +203,7 @@ def test_microslip_is_never_taken_for_macroslip():
         assert not wrong, (seed, wrong)
 
 
+@pytest.mark.long
 def test_the_five_parameter_joint_explains_the_four_parameter_ones_curves():
     """Theta = 1 is the joint behind the data; the kink has as many valleys as with four."""
     for seed in range(3):

@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import os
 
 import numpy as np
 import pytest
@@ -29,7 +28,6 @@ from iwanjax.structures.fem.brake_reuss import (
 from iwanjax.structures.fem.lap_joint import Point
 from iwanjax.structures.full_model import check_reduction
 
-LONG = os.environ.get("IWANJAX_LONG") == "1"
 SPRINGS = BRAKE_REUSS_X_SPRINGS | BRAKE_REUSS_Y_SPRINGS
 
 
@@ -113,7 +111,7 @@ def test_modal_coupling(equal):
 
 
 @pytest.mark.reference
-@pytest.mark.skipif(not LONG, reason="IWANJAX_LONG is not set")
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("r", "p", "dt", "seconds", "loads", "frequency", "damping"),
     [
