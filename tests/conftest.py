@@ -1,5 +1,6 @@
 """Set-up that every test shares: double precision, no display, no time limits under JIT."""
 
+import gc
 import os
 import tempfile
 from pathlib import Path
@@ -19,6 +20,8 @@ from iwanjax.compiler import compile_quickly
 # Most of the tests' time is compilation, of what runs once. Notebooks' kernels and the tests' other
 # processes inherit it.
 compile_quickly()
+# Tracing makes many objects that stay: looking through them again and again took a twentieth.
+gc.set_threshold(100_000, 20, 20)
 jax.config.update("jax_enable_x64", True)
 mpl.use("Agg")
 

@@ -152,6 +152,7 @@ def test_a_sensors_amplitudes_are_the_modes(guess, curves, found):
         assert other.values[name] == pytest.approx(value, abs=1e-2 * found.std[name])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [1e3, 1e-3, 1e-12])
 def test_amplitudes_in_another_unit_give_the_strength_in_it(guess, curves, found, factor):
     """Nothing but F_S has a length in it, far from where its prior would start it or not."""
