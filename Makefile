@@ -20,6 +20,8 @@ endif
 
 export UV_PYTHON_DOWNLOADS := never
 export UV_PROJECT_ENVIRONMENT := $(VENV)
+# Once here instead of in every first run; where PYTHONDONTWRITEBYTECODE is set, in every run.
+export UV_COMPILE_BYTECODE := 1
 # Certificates that pip already trusts: the system's, and the file pip was told of.
 export UV_SYSTEM_CERTS := 1
 ifdef PIP_CERT

@@ -1,7 +1,6 @@
 """Free power laws through measured curves, to see whether both want the same exponent."""
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +12,8 @@ from iwanjax.updating.problem import Measured
 
 # Exponents are looked for between these.
 _RANGE = (0.05, 5.0)
-_STARTS = (0.3, 0.6, 1.0, 1.5, 2.0)
+# on this many points, then on as many between the best one's neighbours, and once more.
+_GRID, _ZOOMS = 200, 4
 # Share of the range, and of the data's own, below which there is nothing to tell.
 _AT_END, _NO_TREND = 1e-3, 1e-6
 # Deviations apart from which two exponents differ.
@@ -99,44 +99,44 @@ def free_exponents(curves: ModalCurves | Sequence[ModalCurves]) -> Exponents:
 def _exponent(
     s: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float
 ) -> tuple[float, float, float]:
-    """Exponent, its deviation and the remainder of y = y_0 + sign a s^n."""
-    from scipy.optimize import OptimizeWarning, curve_fit  # here: a second to import
+    """Exponent, its deviation and the remainder of y = y_0 + sign a s^n, with a not negative.
 
-    def law(x: np.ndarray, y_0: float, a: float, n: float) -> np.ndarray:
-        return y_0 + sign * a * x**n
-
-    best: tuple[float, float, float, float] | None = None
-    for n in _STARTS:
-        start = (y[np.argmin(s)], max(np.ptp(y), 1e-12), n)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", OptimizeWarning)
-                found, covariance = curve_fit(
-                    law,
-                    s,
-                    y,
-                    p0=start,
-                    sigma=std,
-                    bounds=([-np.inf, 0.0, _RANGE[0]], [np.inf, np.inf, _RANGE[1]]),
-                    x_scale=(max(abs(start[0]), 1e-12), start[1], 1.0),
-                )
-        except (RuntimeError, OptimizeWarning):
-            continue
-        residual = y - law(s, *found)
-        cost = float(np.sum((residual / std) ** 2))
-        if best is None or cost < best[0]:
-            rms = float(np.sqrt(np.mean(residual**2)))
-            best = (cost, float(found[2]), _deviation(found, covariance, start[1]), rms)
-    if best is None:
-        raise InputError("free_exponents: no power law fits the curves")
-    return best[1:]
+    For a given n the law is linear in y_0 and a, so n alone has to be looked for.
+    """
+    low, high = _RANGE
+    n, best = np.empty(0), 0
+    for _ in range(_ZOOMS):
+        n = np.linspace(low, high, _GRID)
+        best = int(np.argmin(np.sum((_line(s ** n[:, None], y, std, sign)[0] / std) ** 2, axis=1)))
+        low, high = n[max(best - 1, 0)], n[min(best + 1, _GRID - 1)]
+    found = float(n[best])
+    residual, a = _line(s[None] ** found, y, std, sign)
+    cost = float(np.sum((residual / std) ** 2))
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return found, _deviation(s, std, found, float(a[0]), np.ptp(y), cost), rms
 
 
-def _deviation(found: np.ndarray, covariance: np.ndarray, scale: float) -> float:
+def _line(
+    x: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals and a of y = y_0 + sign a x, weighted, for every row of x."""
+    weight = std**-2.0 / np.sum(std**-2.0)
+    x = x - (x @ weight)[:, None]
+    y = y - y @ weight
+    a = np.maximum(sign * (x * y) @ weight / (x**2 @ weight), 0.0)
+    return y - sign * a[:, None] * x, a
+
+
+def _deviation(
+    s: np.ndarray, std: np.ndarray, n: float, a: float, scale: float, cost: float
+) -> float:
     """Of the exponent: where nothing rises or falls, or at an end, that of the whole range."""
     low, high = _RANGE
     whole = (high - low) / math.sqrt(12.0)
-    at_end = min(found[2] - low, high - found[2]) < _AT_END * (high - low)
-    if at_end or found[1] < _NO_TREND * scale:
+    at_end = min(n - low, high - n) < _AT_END * (high - low)
+    if at_end or a <= _NO_TREND * scale:
         return whole
-    return min(whole, float(np.sqrt(covariance[2, 2])))
+    # What a change of n does that changes of y_0 and a cannot undo is the last row of R.
+    slopes = np.stack([np.ones(s.size), s**n, a * s**n * np.log(s)], axis=1) / std[:, None]
+    own = abs(float(np.linalg.qr(slopes).R[2, 2]))
+    return min(whole, math.sqrt(cost / (s.size - 3)) / own)
