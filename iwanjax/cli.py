@@ -61,11 +61,12 @@ _POSTERIOR_HELP = """Joint parameters from recordings, as a sampled posterior (e
 Fits first. Shows a progress bar; interrupted, even killed, the same command goes on where
 it was. Writes report.html, posterior.json, posterior.npz, the chains (.h5) and pictures.
 """
-_DIAGNOSE_HELP = """What a model is missing, by its recordings with force.
+_DIAGNOSE_HELP = """What a model is missing, by its recordings.
 
 Refits the joints, then looks for what they cannot explain: a force at a row of the model, a
 fault of a sensor or of a joint, alone or two together; where, of which kind, and how much better
-held-out recordings are predicted with it. Writes report.html, diagnosis.json and pictures.
+held-out recordings are predicted with it. A structure is judged by recordings with force, single
+modes by their frequency and damping. Writes report.html, diagnosis.json and pictures.
 """
 _INSPECT_HELP = """What a file holds: recordings with their noise and clipping, or matrices.
 

@@ -8,12 +8,14 @@ from iwanjax.discrepancy.catalogue import (
     register_kind,
 )
 from iwanjax.discrepancy.diagnose import diagnose
+from iwanjax.discrepancy.diagnose_curves import CurveRun, diagnose_curves
 from iwanjax.discrepancy.measured import Transient
 from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes
 from iwanjax.discrepancy.verdict import Diagnosis, Suspect
 
 __all__ = [
     "CATALOGUE",
+    "CurveRun",
     "Diagnosis",
     "ForceKind",
     "JointKind",
@@ -23,5 +25,6 @@ __all__ = [
     "Transient",
     "compare_modes",
     "diagnose",
+    "diagnose_curves",
     "register_kind",
 ]

@@ -11,7 +11,7 @@ from iwanjax.discrepancy.evidence import evidence, left_by_noise, shares
 from iwanjax.discrepancy.fitting import SHORT, Fitted, evaluate, fit_all
 from iwanjax.discrepancy.joint_faults import with_joint_faults
 from iwanjax.discrepancy.pairs import doubled
-from iwanjax.discrepancy.ranking import finalists, missing, ranked
+from iwanjax.discrepancy.ranking import LEAST_GAIN, finalists, missing, ranked
 from iwanjax.discrepancy.rounds import (
     MIDDLE,
     RACE,
@@ -79,7 +79,7 @@ class Table(NamedTuple):
 
     @property
     def probability_of_nothing(self) -> float:
-        """Among everything."""
+        """Among everything, and before the data as much likelier as it takes to be found."""
         return float(shares(self._behind)[0])
 
     def probability(self, entry: Entry) -> float:
@@ -88,7 +88,8 @@ class Table(NamedTuple):
 
     @property
     def _behind(self) -> np.ndarray:
-        return np.array([self.nominal.behind, *(entry.behind for entry in self.entries)])
+        nothing = self.nominal.behind + LEAST_GAIN
+        return np.array([nothing, *(entry.behind for entry in self.entries)])
 
 
 def run(search: Search, grounds: Grounds, seed: int) -> Table:

@@ -46,11 +46,16 @@ def evidence(search: Search, fits: Sequence[Fitted]) -> Evidence:
     count = values_measured(search)
     temperature = max(_LEAST_TEMPERATURE, float(best.misfit.sum()) / count)
     tau = correlation_time(best.residual)
-    values = [
-        -each.cost / (2.0 * temperature * tau) - 0.5 * unknowns(each) * math.log(count / tau)
-        for each in fits
-    ]
-    return Evidence(np.array(values), temperature, tau)
+    costs, known = zip(*((each.cost, unknowns(each)) for each in fits), strict=True)
+    return Evidence(log_evidence(costs, known, count, temperature, tau), temperature, tau)
+
+
+def log_evidence(
+    costs: Sequence[float], unknowns: Sequence[int], count: int, temperature: float, tau: float
+) -> np.ndarray:
+    """Of fits by what they leave of so many values, and by how many they have adjusted."""
+    spent = 0.5 * np.asarray(unknowns) * math.log(count / tau)
+    return -np.asarray(costs) / (2.0 * temperature * tau) - spent
 
 
 def values_measured(search: Search) -> int:

@@ -47,6 +47,11 @@ class Free(NamedTuple):
         square, whole = (np.sum(x**2, axis=(1, 2)) for x in (self.error, self.measured))
         return dict(zip(self.names, np.sqrt(square / whole).tolist(), strict=True))
 
+    def floors(self) -> Mapping[str, float]:
+        """The same of a perfect model."""
+        floors = np.sqrt(self.noise / np.sum(self.measured**2, axis=(1, 2)))
+        return dict(zip(self.names, floors.tolist(), strict=True))
+
 
 def free_run(
     search: Search,

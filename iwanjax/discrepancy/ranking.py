@@ -8,8 +8,9 @@ import numpy as np
 from iwanjax.discrepancy.evidence import evidence
 from iwanjax.discrepancy.rounds import INDULGENCE, RACE, Entry, cost_of
 
-# Something is missing when the evidence for it exceeds that for nothing by this.
-_LEAST_GAIN = 12.0
+LEAST_GAIN = 12.0
+"""Something is missing when the evidence for it exceeds that for nothing by this: so much likelier
+is nothing before the data, as many suspects are tried and no model is free of errors."""
 # Kinds that a joint left out can be all but the same as.
 _WITHIN_A_JOINT = ("coulomb_friction", "stiffness_error")
 # Squared residual of a joint over that of its limit from which on it does not explain as much.
@@ -53,7 +54,7 @@ def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
 
 def missing(base: Entry, best: Entry) -> bool:
     """Whether the evidence for the best suspect is enough against nothing."""
-    return best.behind - base.behind > _LEAST_GAIN
+    return best.behind - base.behind > LEAST_GAIN
 
 
 def containing(best: Entry, entries: Sequence[Entry]) -> tuple[tuple[str, str], ...]:

@@ -2,16 +2,27 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from iwanjax.discrepancy.catalogue import Kind
-from iwanjax.discrepancy.held_out import Free
 from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.restoring import RestoringForce
 from iwanjax.discrepancy.suspicion import Estimate
 
 # Differences by mode that a statement begins with.
 _TOLD = 2
+
+
+class Run(Protocol):
+    """A model against recordings of some kind: time histories, or curves of a mode."""
+
+    def by_recording(self) -> Mapping[str, float]:
+        """Relative errors."""
+        ...
+
+    def floors(self) -> Mapping[str, float]:
+        """The same of a perfect model."""
+        ...
 
 
 class Suspect(NamedTuple):
@@ -92,10 +103,10 @@ class Diagnosis:
         Where frequency and damping of the model before differ from the measured ones.
     scores : tuple of Score
         Of the screening, the largest drop first.
-    runs : tuple of Free
-        Free runs before and after, over all recordings.
+    runs : tuple of Free, or of CurveRun
+        Predictions before and after, of all recordings: free runs, or a mode's curves.
     sampling_rate : float
-        Hz.
+        Hz; NaN for curves.
     restoring : RestoringForce or None
         Recovered at the place of the first suspect, where that is a force.
     warnings : tuple of str
@@ -116,7 +127,7 @@ class Diagnosis:
     indistinguishable: tuple[tuple[str, str], ...]
     observables: tuple[Observable, ...] = field(repr=False)
     scores: tuple[Score, ...] = field(repr=False)
-    runs: tuple[Free, Free] = field(repr=False)
+    runs: tuple[Run, Run] = field(repr=False)
     sampling_rate: float
     restoring: RestoringForce | None = field(repr=False)
     warnings: tuple[str, ...]

@@ -17,6 +17,7 @@ from iwanjax.plotting.diagnosis import (
     plot_prediction,
     plot_restoring,
 )
+from iwanjax.plotting.explained import plot_explained
 from iwanjax.plotting.fit import plot_fit
 from iwanjax.plotting.joints import plot_joint
 from iwanjax.plotting.linear import plot_linear
@@ -37,6 +38,7 @@ __all__ = [
     "plot_curves",
     "plot_decays",
     "plot_diagnosis",
+    "plot_explained",
     "plot_fit",
     "plot_hysteresis",
     "plot_joint",

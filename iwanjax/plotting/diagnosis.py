@@ -4,6 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from iwanjax.discrepancy.held_out import Free
 from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.errors import InputError
 from iwanjax.plotting.style import (
@@ -23,7 +24,7 @@ _RIVALS, _ROWS, _CLOSE = 8, 14, 160
 def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     """Prediction errors of every recording, and the evidence for what was tried.
 
-    Left, the root mean square of predicted less measured over that of measured in a free run:
+    Left, the root mean square of predicted less measured over that of measured:
     with the joints refitted, and with what was found added; bars are what noise alone would
     leave. Right, where something is missing, how much less likely
     each rival makes the data than the first suspect.
@@ -53,9 +54,10 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     errors.semilogy(at, both[:, 0], "o", color=PALETTE[0], label="joints refitted")
     if diagnosis.detected:
         errors.semilogy(at, both[:, 1], "s", color=PALETTE[1], label="with what was found")
-    after = diagnosis.runs[1]
-    floor = np.sqrt(after.noise / np.sum(after.measured**2, axis=(1, 2)))
-    errors.semilogy(at, floor, "_", color=GREY, markersize=14, label="noise alone")
+    floors = diagnosis.runs[1].floors()
+    errors.semilogy(
+        at, [floors[name] for name in names], "_", color=GREY, markersize=14, label="noise alone"
+    )
     errors.set_xticks(at, names, rotation=30, ha="right")
     errors.set_ylabel("Relative error of prediction (–)")
     figure.legend(loc="outside upper center", ncols=3)
@@ -94,9 +96,11 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
     Raises
     ------
     InputError
-        For an unknown recording.
+        For an unknown recording, and a diagnosis of curves (:func:`plot_explained`).
     """
     before, after = diagnosis.runs
+    if not (isinstance(before, Free) and isinstance(after, Free)):
+        raise InputError("plot_prediction: this diagnosis is of curves; draw it by plot_explained")
     names = list(before.names)
     if recording is not None and recording not in names:
         raise InputError(f"plot_prediction: no recording {recording!r}; it has {', '.join(names)}")

@@ -1,7 +1,7 @@
 """One mode as an oscillator of unit modal mass: the modal Iwan model."""
 
 import math
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,6 +14,30 @@ from iwanjax.types import ArrayLike, as_real, is_traced, real
 
 # Relative difference of amplitudes over which a slope is taken: 1e-6 of it is lost.
 _STEP = 1e-3
+
+
+class Beside(NamedTuple):
+    """What a further force does to an oscillator, per unit modal mass.
+
+    Attributes
+    ----------
+    stiffness : (3, ...) array
+        In-phase first harmonic at the amplitudes of :func:`about`.
+    tip : (...) array
+        Slope of its force at the tip of the cycle.
+    loss : (...) array
+        What it dissipates in a cycle.
+    """
+
+    stiffness: Array
+    tip: Array
+    loss: Array
+
+
+def about(q: ArrayLike) -> Float[Array, "3 ..."]:
+    """Amplitudes a little below, at and a little above q, by which slopes are taken."""
+    q = real(q)
+    return jnp.stack([q * (1.0 - _STEP), q, q * (1.0 + _STEP)])
 
 
 class ModalOscillator(eqx.Module):
@@ -107,7 +131,7 @@ class ModalOscillator(eqx.Module):
 
     @eqx.filter_jit
     def ringdown_frequency_and_damping(
-        self, q: ArrayLike
+        self, q: ArrayLike, further: Beside | None = None
     ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
         r"""What :func:`iwanjax.ringdown` finds in this oscillator's free decay at amplitude q.
 
@@ -127,16 +151,21 @@ class ModalOscillator(eqx.Module):
         ----------
         q : array_like
             Amplitude of the coordinate.
+        further : Beside, optional
+            A force that acts beside the joint; f_0 is without it.
         """
         q = real(q)
         # A difference costs one wider evaluation; a derivative in q would be a second one
         # wherever a fit takes its own, and half a minute to compile.
-        beside = jnp.stack([q * (1.0 - _STEP), q, q * (1.0 + _STEP)])
-        omega2 = self.K_inf + self.joint.harmonic_stiffness(beside)
+        omega2 = self.K_inf + self.joint.harmonic_stiffness(about(q))
+        at_tip = self.K_inf + self.joint.tangent(q)
+        if further is not None:
+            omega2, at_tip = omega2 + further.stiffness, at_tip + further.tip
         slope = jnp.log(omega2[2] / omega2[0]) / (4.0 * _STEP)
         omega = jnp.sqrt(omega2[1])
         loss = self.joint.dissipation(q, omega=omega)
-        at_tip = self.K_inf + self.joint.tangent(q)
+        if further is not None:
+            loss = loss + further.loss
         damping = (loss / (2.0 * math.pi * q**2) + self.zeta_0 * self.omega_0 * omega) / at_tip
         return omega / (2.0 * math.pi), damping * (1.0 + 2.0 * slope)
 

@@ -66,9 +66,10 @@ class MergedCurves:
 
         Beyond the levels that two hits share the repeatability is that of the nearest.
         """
-        return tuple(self._weighted(hit) for hit in self.hits)
+        return tuple(self.weighted(hit) for hit in self.hits)
 
-    def _weighted(self, hit: ModalCurves) -> ModalCurves:
+    def weighted(self, hit: ModalCurves) -> ModalCurves:
+        """A hit of the mode with the repeatability added to its deviations."""
         at, known = (np.log(np.asarray(c.amplitude)) for c in (hit, self.curves))
         return ModalCurves(
             hit.amplitude,

@@ -190,8 +190,11 @@ _MODAL_UNITS = {
     "length": "{0}",
     "force": "{0}/s^2",
     "force/length": "1/s^2",
+    "force/length^2": "1/({0} s^2)",
     "force/length^3": "1/({0}^2 s^2)",
     "force*time/length": "1/s",
+    "force*time^2/length^2": "1/{0}",
+    "time": "s",
 }
 
 

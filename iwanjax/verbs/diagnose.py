@@ -1,136 +1,84 @@
 """The verb ``diagnose``: what a study's model is missing, by its recordings."""
 
 import math
-import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from iwanjax.config import Study
-from iwanjax.discrepancy import Diagnosis, Transient, diagnose
-from iwanjax.errors import InputError
-from iwanjax.plotting import plot_diagnosis, plot_places, plot_prediction, plot_restoring
+from iwanjax.discrepancy import CurveRun, Diagnosis
+from iwanjax.plotting import (
+    plot_diagnosis,
+    plot_explained,
+    plot_places,
+    plot_prediction,
+    plot_restoring,
+)
 from iwanjax.report.page import Section, Table, render
-from iwanjax.signals import Recording
-from iwanjax.verbs.measured import recordings_of
-from iwanjax.verbs.output import results, save, version, write_json
+from iwanjax.verbs.diagnosed import diagnosed
+from iwanjax.verbs.output import file_names, results, save, version, write_json
 
 # Differences by mode that a report lists.
 _MODES = 12
 
 
 def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
-    """Write diagnosis.json, a picture and report.html; lines for the screen."""
-    model, structure = study.model, study.structure
-    if model is None or structure is None:
-        raise InputError(
-            f"{study.path}: diagnose needs a structure with joints so far; this study has single "
-            "modes"
-        )
-    if not model.rows or not model.sensors or not model.inputs:
-        raise InputError(
-            f"{study.path}: diagnose needs a model with named rows, sensors and inputs"
-        )
-    found = [
-        (entry, recording)
-        for entry in study.recordings
-        if entry.kind == "transient"
-        for recording in recordings_of(entry)
-    ]
-    if not found:
-        raise InputError(
-            f"{study.path}: no recordings of kind transient; diagnose needs time histories with "
-            "force so far"
-        )
-    sensors, quantity, rate = _common(study, [recording for _, recording in found])
-    transients = [
-        Transient(
-            entry.name,
-            np.asarray(recording.response),
-            _forces(study, recording, entry.place),
-            entry.use,
-        )
-        for entry, recording in found
-    ]
-    limit = budget if budget is not None else study.budget
-    verdict = diagnose(
-        structure,
-        transients,
-        rate,
-        places=model.rows,
-        inputs=np.stack(list(model.inputs.values())),
-        sensors={name: model.sensors[name] for name in sensors},
-        quantity=quantity,
-        hypotheses=study.hypotheses,
-        noise=[study.noise.get(name, math.nan) for name in sensors],
-        budget=math.inf if limit is None else limit,
-        seed=study.seed,
-        progress=lambda line: print(f"  {line}", file=sys.stderr, flush=True),
-    )
+    """Write diagnosis.json, pictures and report.html; lines for the screen."""
+    verdicts = diagnosed(study, budget)
+    # Several modes have their pictures under their own names.
+    ends = [f"_{label}" for label in file_names(verdicts)] if len(verdicts) > 1 else [""]
     with results(out) as folder:
-        pictures = _pictures(verdict, folder)
-        write_json(folder / "diagnosis.json", told(study.name, verdict))
-        page = _report(study.name, verdict, pictures)
+        sections = [
+            _section(name, verdict, _pictures(verdict, folder, end))
+            for (name, verdict), end in zip(verdicts.items(), ends, strict=True)
+        ]
+        write_json(folder / "diagnosis.json", told(study.name, verdicts))
+        lead = [verdict.statement() for verdict in verdicts.values()]
+        page = render(study.name, lead, sections, f"Written by iwanjax {version()}.")
         (folder / "report.html").write_text(page, encoding="utf-8")
-    return [verdict.statement(), f"wrote {out / 'report.html'}"]
+    return [*lead, f"wrote {out / 'report.html'}"]
 
 
-def _common(study: Study, recordings: list[Recording]) -> tuple[list[str], Any, float]:
-    """Sensors, quantity and sampling rate that all recordings have in common."""
-    assert study.model is not None
-    first = recordings[0]
-    names = [channel.name for channel in first.channels]
-    quantities = {channel.quantity for recording in recordings for channel in recording.channels}
-    for recording in recordings:
-        if [channel.name for channel in recording.channels] != names:
-            raise InputError(
-                f"{study.path}: recordings with different sensors; expected {', '.join(names)} in "
-                "all"
-            )
-        if not math.isclose(recording.sampling_rate, first.sampling_rate, rel_tol=1e-6):
-            raise InputError(
-                f"{study.path}: recordings of {first.sampling_rate:g} and "
-                f"{recording.sampling_rate:g} Hz; expected one sampling rate"
-            )
-    unknown = [name for name in names if name not in study.model.sensors]
-    if unknown:
-        raise InputError(
-            f"{study.path}: sensor {unknown[0]!r} is not in the model; it has "
-            f"{', '.join(study.model.sensors)}"
-        )
-    if len(quantities) != 1 or not quantities <= {"acceleration", "velocity", "displacement"}:
-        raise InputError(
-            f"{study.path}: sensors measure {', '.join(sorted(map(str, quantities)))}; expected "
-            "all acceleration, velocity or displacement"
-        )
-    return names, quantities.pop(), first.sampling_rate
+def told(study: str, verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
+    """Diagnoses for diagnosis.json: one as it is, those of several modes taken together."""
+    each = {name: _told(verdict) for name, verdict in verdicts.items()}
+    first = {"study": study, "iwanjax": version()}
+    if len(each) == 1:
+        return first | next(iter(each.values()))
+    parts = list(each.values())
+    suspects = [suspect for part in parts for suspect in part["what"]]
+
+    def together(errors: str) -> dict[str, float]:
+        rows = [part["fit"][errors] for part in parts]
+        return {
+            use: math.sqrt(sum(row[use] ** 2 for row in rows) / len(rows))
+            for use in ("fit", "hold_out")
+        }
+
+    return first | {
+        "detected": any(part["detected"] for part in parts),
+        "probability_nothing_missing": math.prod(p["probability_nothing_missing"] for p in parts),
+        "probability_something_else": 1.0
+        - math.prod(1.0 - part["probability_something_else"] for part in parts),
+        "what": sorted(suspects, key=lambda suspect: -suspect["probability"]),
+        "observables": [each for part in parts for each in part["observables"]],
+        "fit": {errors: together(errors) for errors in ("before", "after", "noise_floor")},
+        "indistinguishable": [pair for part in parts for pair in part["indistinguishable"]],
+        "warnings": [line for part in parts for line in part["warnings"]],
+        "complete": all(part["complete"] for part in parts),
+        "seconds": sum(part["seconds"] for part in parts),
+        "statement": " ".join(part["statement"] for part in parts),
+        "modes": each,
+    }
 
 
-def _forces(study: Study, recording: Recording, place: str) -> np.ndarray:
-    """Forces at all inputs of the model, zero where none was measured."""
-    assert study.model is not None
-    inputs = list(study.model.inputs)
-    if recording.force is None:
-        raise InputError(f"{place}: has no force; diagnose needs it so far")
-    force = np.zeros((recording.force.shape[0], len(inputs)))
-    names = [channel.name for channel in recording.inputs]
-    for name, column in zip(names, np.asarray(recording.force).T, strict=True):
-        if name not in inputs:
-            raise InputError(f"{place}: input {name!r} is not in the model: {', '.join(inputs)}")
-        force[:, inputs.index(name)] = column
-    return force
-
-
-def told(study: str, verdict: Diagnosis) -> dict[str, Any]:
-    """A diagnosis for diagnosis.json."""
+def _told(verdict: Diagnosis) -> dict[str, Any]:
+    """One diagnosis."""
 
     def pair(errors: tuple[float, float]) -> dict[str, float]:
         return {"fit": errors[0], "hold_out": errors[1]}
 
     return {
-        "study": study,
-        "iwanjax": version(),
         "detected": verdict.detected,
         "probability_nothing_missing": verdict.probability_nothing_missing,
         "probability_something_else": verdict.probability_something_else,
@@ -179,21 +127,27 @@ def told(study: str, verdict: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _pictures(verdict: Diagnosis, folder: Path) -> list[tuple[str, bytes]]:
+def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, bytes]]:
     """Captions and pictures, the verdict's own first."""
     drawn = [
         (
             "Errors of every recording, and how far the rivals are behind.",
             "diagnosis",
             plot_diagnosis(verdict),
-        ),
-        (
-            "The last recording, held out where one is, from rest under the measured force: "
-            "measured, predicted before and after, and the spectrum of what is left.",
-            "prediction",
-            plot_prediction(verdict),
-        ),
+        )
     ]
+    if isinstance(verdict.runs[0], CurveRun):
+        told = (
+            "Frequency and damping as measured and as the models before and after have them; "
+            "below, what either leaves, over the deviation of each point."
+        )
+        drawn.append((told, "prediction", plot_explained(verdict)))
+    else:
+        told = (
+            "The last recording, held out where one is, from rest under the measured force: "
+            "measured, predicted before and after, and the spectrum of what is left."
+        )
+        drawn.append((told, "prediction", plot_prediction(verdict)))
     if verdict.restoring is not None:
         told = (
             "What the place needs: the chosen law and what the recordings leave beside it, sample "
@@ -203,18 +157,20 @@ def _pictures(verdict: Diagnosis, folder: Path) -> list[tuple[str, bytes]]:
     if verdict.scores:
         told = "Where: what each kind at each place would explain of what the joints cannot."
         drawn.append((told, "places", plot_places(verdict)))
-    return [(told, save(figure, folder / f"{name}.png")) for told, name, figure in drawn]
+    return [(told, save(figure, folder / f"{name}{end}.png")) for told, name, figure in drawn]
 
 
-def _report(title: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> str:
-    """The verdict in words, its picture and its tables."""
+def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> Section:
+    """What a verdict rests on: its pictures and its tables."""
+    curves = isinstance(verdict.runs[0], CurveRun)
     recordings = Table(
         ("Recording", "Joints refitted", "With the first suspect"),
         tuple(
             (name, f"{before:.3g}", f"{after:.3g}" if verdict.detected else "–")
             for name, (before, after) in verdict.by_recording.items()
         ),
-        "Root mean square of predicted less measured over that of measured, free run.",
+        "Root mean square of predicted less measured over that of measured"
+        + ("." if curves else ", free run."),
     )
     rivals = Table(
         ("Kind", "Where", "Parameters", "Probability", "Log evidence"),
@@ -252,5 +208,5 @@ def _report(title: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
     )
     tables = [recordings]
     tables += [rivals] * bool(verdict.what) + [modes] * bool(verdict.observables)
-    section = Section("What it rests on", (), tuple(pictures), tuple(tables))
-    return render(title, [verdict.statement()], [section], f"Written by iwanjax {version()}.")
+    title = f"{name}: what it rests on" if curves else "What it rests on"
+    return Section(title, (), tuple(pictures), tuple(tables))

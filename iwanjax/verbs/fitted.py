@@ -68,7 +68,7 @@ def fits(study: Study, modes: Sequence[MeasuredMode]) -> tuple[Fitted, ...]:
 def _modal(study: Study, mode: MeasuredMode) -> Fitted:
     kind = next(modal.kind for modal in study.modal if modal.name == mode.name)
     start = time.perf_counter()
-    curves = _of_one_quantity(mode)
+    curves = of_one_quantity(mode.weighted)
     parameters = study.parameters(mode.name, modal_parameters(kind, curves))
     settings = study.fit
     with ThreadPoolExecutor(1) as other:
@@ -93,9 +93,9 @@ def _exponents(curves: tuple[ModalCurves, ...]) -> Exponents | None:
         return None
 
 
-def _of_one_quantity(mode: MeasuredMode) -> tuple[ModalCurves, ...]:
-    """The hits' curves against the quantity of the first; files of curves may be against others."""
-    first, *others = mode.weighted
+def of_one_quantity(curves: Sequence[ModalCurves]) -> tuple[ModalCurves, ...]:
+    """Curves against the quantity of the first; files of curves may be against others."""
+    first, *others = curves
     return (
         first,
         *(c if c.quantity == first.quantity else c.as_quantity(first.quantity) for c in others),

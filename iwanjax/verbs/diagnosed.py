@@ -1,0 +1,153 @@
+"""Diagnoses of a study: of its structure by time histories, or of its single modes by curves."""
+
+import math
+import sys
+from typing import Any
+
+import numpy as np
+
+from iwanjax.config import Study
+from iwanjax.discrepancy import Diagnosis, Transient, diagnose, diagnose_curves
+from iwanjax.errors import InputError
+from iwanjax.signals import Recording
+from iwanjax.updating import modal_parameters
+from iwanjax.verbs.fitted import of_one_quantity
+from iwanjax.verbs.measured import measured_modes, recordings_of
+
+
+def diagnosed(study: Study, budget: float | None = None) -> dict[str, Diagnosis]:
+    """What a study's model lacks: one verdict on its structure, or one on each single mode.
+
+    Raises
+    ------
+    InputError
+        As :func:`iwanjax.diagnose` and :func:`iwanjax.diagnose_curves`.
+    """
+    limit = budget if budget is not None else study.budget
+    seconds = math.inf if limit is None else limit
+    return _modes(study, seconds) if study.modal else {study.name: _structure(study, seconds)}
+
+
+def _say(line: str) -> None:
+    print(f"  {line}", file=sys.stderr, flush=True)
+
+
+def _modes(study: Study, budget: float) -> dict[str, Diagnosis]:
+    """Each mode by the curves of its recordings."""
+    found = {}
+    modes = measured_modes(study)
+    names = [modal.name for modal in study.modal]
+    for mode in modes:
+        kind = study.modal[names.index(mode.name)].kind
+        curves = of_one_quantity(mode.weighted)
+        others = [hit.curves for hit in mode.held_out]
+        if mode.merged is not None:
+            others = [mode.merged.weighted(each) for each in others]
+        held_out = of_one_quantity([curves[0], *others])[1:]
+        found[mode.name] = diagnose_curves(
+            kind,
+            curves,
+            held_out,
+            study.parameters(mode.name, modal_parameters(kind, curves)),
+            name=mode.name,
+            mode=names.index(mode.name),
+            hypotheses=study.hypotheses,
+            starts=study.fit.starts,
+            seed=study.seed,
+            budget=budget / len(modes),
+            progress=_say,
+        )
+    return found
+
+
+def _structure(study: Study, budget: float) -> Diagnosis:
+    """The structure by its recordings with force."""
+    model, structure = study.model, study.structure
+    # A study has these or single modes.
+    assert model is not None
+    assert structure is not None
+    if not model.rows or not model.sensors or not model.inputs:
+        raise InputError(
+            f"{study.path}: diagnose needs a model with named rows, sensors and inputs"
+        )
+    found = [
+        (entry, recording)
+        for entry in study.recordings
+        if entry.kind == "transient"
+        for recording in recordings_of(entry)
+    ]
+    if not found:
+        raise InputError(
+            f"{study.path}: no recordings of kind transient; diagnose needs time histories with "
+            "force so far"
+        )
+    sensors, quantity, rate = _common(study, [recording for _, recording in found])
+    transients = [
+        Transient(
+            entry.name,
+            np.asarray(recording.response),
+            _forces(study, recording, entry.place),
+            entry.use,
+        )
+        for entry, recording in found
+    ]
+    return diagnose(
+        structure,
+        transients,
+        rate,
+        places=model.rows,
+        inputs=np.stack(list(model.inputs.values())),
+        sensors={name: model.sensors[name] for name in sensors},
+        quantity=quantity,
+        hypotheses=study.hypotheses,
+        noise=[study.noise.get(name, math.nan) for name in sensors],
+        budget=budget,
+        seed=study.seed,
+        progress=_say,
+    )
+
+
+def _common(study: Study, recordings: list[Recording]) -> tuple[list[str], Any, float]:
+    """Sensors, quantity and sampling rate that all recordings have in common."""
+    assert study.model is not None
+    first = recordings[0]
+    names = [channel.name for channel in first.channels]
+    quantities = {channel.quantity for recording in recordings for channel in recording.channels}
+    for recording in recordings:
+        if [channel.name for channel in recording.channels] != names:
+            raise InputError(
+                f"{study.path}: recordings with different sensors; expected {', '.join(names)} in "
+                "all"
+            )
+        if not math.isclose(recording.sampling_rate, first.sampling_rate, rel_tol=1e-6):
+            raise InputError(
+                f"{study.path}: recordings of {first.sampling_rate:g} and "
+                f"{recording.sampling_rate:g} Hz; expected one sampling rate"
+            )
+    unknown = [name for name in names if name not in study.model.sensors]
+    if unknown:
+        raise InputError(
+            f"{study.path}: sensor {unknown[0]!r} is not in the model; it has "
+            f"{', '.join(study.model.sensors)}"
+        )
+    if len(quantities) != 1 or not quantities <= {"acceleration", "velocity", "displacement"}:
+        raise InputError(
+            f"{study.path}: sensors measure {', '.join(sorted(map(str, quantities)))}; expected "
+            "all acceleration, velocity or displacement"
+        )
+    return names, quantities.pop(), first.sampling_rate
+
+
+def _forces(study: Study, recording: Recording, place: str) -> np.ndarray:
+    """Forces at all inputs of the model, zero where none was measured."""
+    assert study.model is not None
+    inputs = list(study.model.inputs)
+    if recording.force is None:
+        raise InputError(f"{place}: has no force; diagnose needs it so far")
+    force = np.zeros((recording.force.shape[0], len(inputs)))
+    names = [channel.name for channel in recording.inputs]
+    for name, column in zip(names, np.asarray(recording.force).T, strict=True):
+        if name not in inputs:
+            raise InputError(f"{place}: input {name!r} is not in the model: {', '.join(inputs)}")
+        force[:, inputs.index(name)] = column
+    return force

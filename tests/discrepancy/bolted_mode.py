@@ -1,0 +1,62 @@
+"""One bolted mode that rings down with a further force beside its joint, by discrete sliders.
+
+NumPy only: the sliders of the script behind configs/modal_ringdown, and a force of its own.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from modal_ringdown import make_hits
+
+import iwanjax as ij
+from iwanjax.signals import ringdown
+
+TRUTH = make_hits.TRUTH
+RATE, SECONDS, STEPS = 2048.0, 4.0, 8
+LEVELS = (2.5, 1.2, 0.4, 1.6)
+"""Velocities after the hits over omega_0 phi_max; the last is held out."""
+
+Force = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""(displacement, velocity) -> force per unit modal mass."""
+
+
+def decays(force: Force) -> np.ndarray:
+    """Velocities (N, hits) of free decays, by kicks of everything that is not linear."""
+    omega, zeta = TRUTH.omega_0, TRUTH.zeta_0
+    slip, k = make_hits.sliders(TRUTH, 120, 1.09)
+    dt = 1.0 / (RATE * STEPS)
+    damped = omega * np.sqrt(1.0 - zeta**2)
+    e, cos, sin = np.exp(-zeta * omega * dt), np.cos(damped * dt), np.sin(damped * dt)
+    step = e * np.array(
+        [
+            [cos + zeta * omega / damped * sin, sin / damped],
+            [-(omega**2) / damped * sin, cos - zeta * omega / damped * sin],
+        ]
+    )
+    v = np.array(LEVELS) * omega * TRUTH.phi_max
+    x = np.zeros_like(v)
+    stretch = np.zeros((x.size, slip.size))
+    seen = []
+    for i in range(round(RATE * SECONDS) * STEPS):
+        if i % STEPS == 0:
+            seen.append(v)
+        # Half a kick before and after: second order.
+        kick = 0.5 * dt * (TRUTH.K_T * x - stretch @ k - force(x, v))
+        moved, v = step @ np.stack([x, v + kick])
+        stretch = np.clip(stretch + (moved - x)[:, None], -slip, slip)
+        x = moved
+        v = v + 0.5 * dt * (TRUTH.K_T * x - stretch @ k - force(x, v))
+    return np.array(seen)
+
+
+def measured(
+    force: Force, noise_db: float, seed: int, decayed: np.ndarray | None = None
+) -> list[ij.ModalCurves]:
+    """Curves of all hits, noise so far below each one's peak."""
+    v = decays(force) if decayed is None else decayed
+    noise = np.random.default_rng(seed).standard_normal(v.shape)
+    v = v + 10.0 ** (noise_db / 20.0) * np.abs(v).max(axis=0) * noise
+    return [
+        ringdown(hit, RATE, (90.0, 150.0), "velocity", unit="m/s", name=f"hit{i}").curves
+        for i, hit in enumerate(v.T, 1)
+    ]

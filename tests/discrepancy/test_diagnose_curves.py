@@ -1,0 +1,216 @@
+"""What a mode lacks beside its joint, by its curves: from sliders of a code of their own."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from bolted_mode import TRUTH, decays, measured
+from typer.testing import CliRunner
+
+import iwanjax as ij
+from iwanjax.cli import app
+from iwanjax.discrepancy import CATALOGUE, ForceKind
+from iwanjax.discrepancy.cycle import beside, shows
+from iwanjax.errors import InputError
+from iwanjax.quasistatic.modal import about
+
+OMEGA2, PHI = TRUTH.omega_0**2, TRUTH.phi_max
+CUBIC = 0.02 * OMEGA2 / PHI**2
+FORCES = {
+    "none": lambda x, v: 0.0 * x,
+    "cubic_stiffness": lambda x, v: CUBIC * x**3,
+    "gap_contact": lambda x, v: 0.05 * OMEGA2 * np.sign(x) * np.maximum(np.abs(x) - PHI, 0.0),
+    "quadratic_damping": lambda x, v: 6e-4 / PHI * v * np.abs(v),
+    "dashpot": lambda x, v: 2.0 * 5e-4 * TRUTH.omega_0 * v,
+    "bilinear spring": lambda x, v: 0.01 * OMEGA2 * np.maximum(x, 0.0),
+    "negative drag": lambda x, v: -1e-4 / PHI * v * np.abs(v),
+}
+Q = np.geomspace(1e-6, 1e-4, 9)
+ELEMENTS = {
+    "stiffness_error": ij.LinearSpring(1.0),
+    "viscous_damping": ij.Dashpot(1.0),
+    "cubic_stiffness": ij.CubicSpring(1.0),
+    "gap_contact": ij.Gap(1.0, 3e-5),
+    "coulomb_friction": ij.Jenkins(2e-6, 1.0),
+    "quadratic_damping": ij.QuadraticDrag(1.0),
+}
+MODES, LEVELS = ("plain", "hardening"), 20
+SHAPES = {"gap_contact": 3e-5, "coulomb_friction": 2e-6}
+
+
+def verdict(name, noise_db=-60.0, seed=1, **options):
+    curves = measured(FORCES[name], noise_db, seed)
+    return ij.diagnose_curves("iwan4", curves[:3], curves[3:], name="mode1", **options)
+
+
+@pytest.fixture(scope="module")
+def told():
+    tried = ("stiffness_error", "cubic_stiffness", "gap_contact", "quadratic_damping")
+    return {name: verdict(name, hypotheses=tried) for name in ("none", "cubic_stiffness")}
+
+
+@pytest.mark.parametrize("name", ELEMENTS)
+def test_a_cycle_is_that_of_the_element(name):
+    element, omega = ELEMENTS[name], 700.0
+    unit = beside(CATALOGUE[name][0], SHAPES.get(name, 1.0), np.asarray(about(Q)), omega)
+    # 256 steps a cycle resolve the corners of sliders and gaps to a thousandth.
+    stiffness = np.asarray(element.harmonic_stiffness(Q))
+    scale = max(float(np.max(np.abs(stiffness))), 1e-9)
+    np.testing.assert_allclose(unit.stiffness[1], stiffness, rtol=2e-3, atol=2e-3 * scale)
+    loss = np.asarray(element.dissipation(Q, omega=omega))
+    np.testing.assert_allclose(unit.loss, loss, rtol=1e-2, atol=1e-9 * np.max(scale * Q**2))
+    if name != "coulomb_friction":  # whose slope at the tip jumps where it starts to slip
+        np.testing.assert_allclose(unit.tip, element.tangent(Q), rtol=1e-2, atol=1e-6)
+
+
+def test_forces_that_are_the_modes_own_are_not_seen():
+    q, forces = np.asarray(about(Q)), [k[0] for k in CATALOGUE.values()]
+    hidden = {
+        kind.name
+        for kind in forces
+        if isinstance(kind, ForceKind) and not shows(beside(kind, 1e-3, q, 700.0), q)
+    }
+    own = {"stiffness_error", "mass_error", "viscous_damping", "bilinear_stiffness", "viscoelastic"}
+    # A gap and a slider of a millimetre do nothing new within a tenth of one.
+    assert hidden == own | {"quadratic_stiffness", "gap_contact", "coulomb_friction"}
+
+
+def test_nothing_is_found_where_nothing_is_missing(told):
+    found = told["none"]
+    assert not found.detected
+    assert found.what == ()
+    assert found.probability_nothing_missing > 0.9
+    assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
+    assert "Nothing is missing" in found.statement()
+    assert "cannot show stiffness_error" in found.statement()
+
+
+def test_a_cubic_spring_is_found_and_predicts_what_was_held_out(told):
+    found = told["cubic_stiffness"]
+    assert found.what[0].label == "cubic_stiffness@mode1"
+    assert found.what[0].probability > 0.9
+    # By its first harmonic alone, at a tenth of the mode's stiffness: two per cent too much.
+    assert found.what[0].parameters[0].value == pytest.approx(CUBIC, rel=0.05)
+    assert found.after.hold_out < 1.5 * found.noise_floor.hold_out
+    assert found.before.hold_out > 10.0 * found.after.hold_out
+    assert {each.quantity for each in found.observables} == {"frequency", "damping"}
+
+
+def test_the_pictures_show_both(told):
+    for found in told.values():
+        figure = ij.plot_explained(found)
+        f, zeta, _, _ = figure.axes
+        assert f.get_ylabel().endswith("(Hz)")
+        assert len(f.get_lines()) >= 1 + found.detected
+        assert zeta.get_yscale() == "log"
+        assert ij.plot_diagnosis(found).axes
+    with pytest.raises(InputError, match="plot_explained"):
+        ij.plotting.plot_prediction(told["none"])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["gap_contact", "quadratic_damping"])
+def test_others_are_found_too(name):
+    found = verdict(name)
+    assert found.detected
+    assert found.what[0].kind.name == name
+    assert found.after.hold_out < 1.5 * found.noise_floor.hold_out
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["dashpot", "bilinear spring"])
+def test_what_curves_cannot_show_is_no_alarm(name):
+    assert not verdict(name).detected
+
+
+@pytest.mark.long
+def test_a_force_that_gives_energy_is_no_verdict():
+    found = verdict("negative drag")
+    assert all(each.kind.name != "quadratic_damping" for each in found.what)
+    assert "gives energy" in found.statement()
+
+
+@pytest.mark.long
+def test_no_alarm_in_twenty_empty_cases():
+    v = decays(FORCES["none"])
+    for seed in range(20):
+        for noise_db in (-40.0, -70.0):
+            curves = measured(FORCES["none"], noise_db, seed, v)
+            assert not ij.diagnose_curves("iwan4", curves[:3], curves[3:]).detected
+
+
+def test_bad_curves_get_one_clear_line(told):
+    run = told["none"].runs[0]
+    with pytest.raises(InputError, match="no curves"):
+        ij.diagnose_curves("iwan4", [])
+    other = run.measured[0].as_quantity("displacement")
+    with pytest.raises(InputError, match="different quantities"):
+        ij.diagnose_curves("iwan4", run.measured[0], other)
+    with pytest.raises(InputError, match="cubic_stifness"):
+        ij.diagnose_curves("iwan4", run.measured[0], hypotheses=("cubic_stifness",))
+
+
+def test_a_budget_that_is_too_short_is_said(told):
+    curves = told["none"].runs[0].measured
+    found = ij.diagnose_curves("iwan4", curves[:3], curves[3:], budget=0.0)
+    assert not found.complete
+    assert not found.detected
+    assert "too short" in found.statement()
+    assert math.isfinite(found.before.hold_out)
+
+
+# --- the command -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def written(told, tmp_path_factory):
+    """A study of two modes from files of curves, of which one has a cubic spring."""
+    folder = tmp_path_factory.mktemp("two_modes")
+    entries = []
+    for mode, name in (("plain", "none"), ("hardening", "cubic_stiffness")):
+        for i, curve in enumerate(told[name].runs[0].measured):
+            file, use = f"{mode}{i}.csv", "hold_out" if i == 3 else "fit"
+            # As many levels for both, so that they share a compiled search.
+            columns = [
+                np.asarray(getattr(curve.as_quantity("displacement"), each))[:LEVELS]
+                for each in ("amplitude", "frequency", "damping", "frequency_std", "damping_std")
+            ]
+            header = "amplitude,frequency_hz,damping,frequency_std,damping_std"
+            np.savetxt(
+                folder / file, np.transpose(columns), delimiter=",", header=header, comments=""
+            )
+            entries.append(f"  - {{file: {file}, kind: curves, use: {use}, mode: {mode}}}")
+    modes = [f"    - {{name: {m}, band: [90, 150], joint: {{type: iwan4}}}}" for m in MODES]
+    text = ["name: two modes", "model:", "  modal:", *modes, "recordings:", *entries]
+    text += ["hypotheses: [cubic_stiffness]", "fit: {starts: 16}"]
+    (folder / "study.yaml").write_text("\n".join(text))
+    arguments = ["diagnose", str(folder / "study.yaml"), "--out", str(folder / "out")]
+    return CliRunner().invoke(app, arguments), folder / "out"
+
+
+def test_the_command_says_which_mode_lacks_what(written):
+    result, out = written
+    assert result.exit_code == 0, result.stderr
+    found = json.loads((out / "diagnosis.json").read_text())
+    assert found["detected"]
+    assert [(each["kind"], each["where"]) for each in found["what"]] == [
+        ("cubic_stiffness", "hardening")
+    ]
+    assert found["what"][0]["parameters"]["k3"]["unit"] == "force/length^3"
+    assert found["probability_nothing_missing"] < 0.01
+    assert [found["modes"][mode]["detected"] for mode in MODES] == [False, True]
+    assert found["fit"]["after"]["hold_out"] < found["fit"]["before"]["hold_out"]
+    assert {each["mode"] for each in found["observables"]} == {1}
+    assert "Nothing is missing" in result.stdout
+    assert "The model lacks hardening" in result.stdout
+
+
+def test_the_command_writes_pictures_and_a_page_of_both(written):
+    _, out = written
+    pictures = [f"{kind}_{mode}.png" for kind in ("diagnosis", "prediction") for mode in MODES]
+    assert sorted(file.name for file in out.iterdir()) == sorted(
+        [*pictures, "diagnosis.json", "report.html"]
+    )
+    page = (out / "report.html").read_text()
+    assert all(f"{mode}: what it rests on" in page for mode in MODES)
