@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.catalogue import ForceKind, Scales
 from iwanjax.discrepancy.cycle import beside, shows
-from iwanjax.discrepancy.fitting import correlation_time
+from iwanjax.discrepancy.residuals import correlation_time
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.updating.modal import ModalProblem
 from iwanjax.updating.parameters import Chart

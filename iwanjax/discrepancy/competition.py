@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.evidence import evidence, left_by_noise, shares
-from iwanjax.discrepancy.fitting import SHORT, Fitted, evaluate, fit_all
+from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
 from iwanjax.discrepancy.joint_faults import with_joint_faults
 from iwanjax.discrepancy.pairs import doubled
 from iwanjax.discrepancy.ranking import LEAST_GAIN, finalists, missing, ranked
+from iwanjax.discrepancy.residuals import evaluate
 from iwanjax.discrepancy.rounds import (
     MIDDLE,
     RACE,

@@ -11,13 +11,13 @@ import numpy as np
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.evidence import untried
-from iwanjax.discrepancy.fitting import evaluate
 from iwanjax.discrepancy.held_out import Free, free_run
 from iwanjax.discrepancy.measured import Prepared, Transient, prepared
 from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
 from iwanjax.discrepancy.ranking import containing
+from iwanjax.discrepancy.residuals import evaluate
 from iwanjax.discrepancy.restoring import restoring_force
 from iwanjax.discrepancy.rounds import Entry, Grounds
 from iwanjax.discrepancy.search import Search

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import JointKind
-from iwanjax.discrepancy.fitting import Fitted, correlation_time
+from iwanjax.discrepancy.fitting import Fitted
+from iwanjax.discrepancy.residuals import correlation_time
 from iwanjax.discrepancy.search import Search
 
 # No model is trusted to explain its residual better than this share of the noise's variance.

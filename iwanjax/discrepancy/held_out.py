@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.fitting import Fitted, evaluate
+from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.measured import Prepared
+from iwanjax.discrepancy.residuals import evaluate
 from iwanjax.discrepancy.search import Search, drifting_values
 
 

@@ -15,6 +15,8 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.catalogue import ForceKind, Motion
 from iwanjax.discrepancy.hold import Hold, hold, on
+from iwanjax.discrepancy.sensor_chain import DELAY_NODES, chain
+from iwanjax.discrepancy.suspects import Suspects, Values, sizes_of
 from iwanjax.dynamics.balance import Joints
 from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
 from iwanjax.joints import AbstractJoint
@@ -26,50 +28,6 @@ Quantity = Literal["acceleration", "velocity", "displacement"]
 
 # Modes beyond this share of the sampling rate act by their flexibility.
 _HIGHEST = 0.6
-# Samples that a delayed sensor is interpolated from, by a polynomial.
-_DELAY_NODES = 8
-LONGEST_DELAY = 4.0
-"""Samples by which a sensor may be late."""
-
-
-class Suspects(NamedTuple):
-    """What is suspected beside the joints: a force at a place, or a sensor, in each slot.
-
-    Attributes
-    ----------
-    row : (slots, modes) array
-        Where a force acts, on all modes.
-    force : (slots, kinds) array
-        Zero but for the kind of force, where it is the unit of its size.
-    chain : (slots, 3, sensors) array
-        Zero but for what is wrong with a sensor: unit of its gain's error, of its delay in
-        samples, and of the largest value that it shows.
-    logarithmic : (slots,) array
-        1 where the size is the exponential of its parameter.
-    """
-
-    row: Float[Array, "slots modes"]
-    force: Float[Array, "slots kinds"]
-    chain: Float[Array, "slots 3 sensors"]
-    logarithmic: Float[Array, " slots"]
-
-
-class Values(NamedTuple):
-    """What is fitted, of one recording.
-
-    Attributes
-    ----------
-    z : (parameters,) array
-        Joint parameters, in prior deviations from those given.
-    suspects : (slots, 2) array
-        Of each slot the size in its unit, or its logarithm, and the logarithm of its shape.
-    state : (directions,) array
-        Errors of the state after the force, in deviations.
-    """
-
-    z: Float[Array, " parameters"]
-    suspects: Float[Array, "slots 2"]
-    state: Float[Array, " directions"]
 
 
 class Data(NamedTuple):
@@ -282,12 +240,6 @@ class Predictor(eqx.Module):
         return A, seen
 
 
-def sizes_of(suspects: Suspects, values: Array) -> Array:
-    """Sizes of the slots in their units."""
-    size = values[:, 0]
-    return jnp.where(suspects.logarithmic > 0, jnp.exp(jnp.minimum(size, 50.0)), size)
-
-
 class _Run(NamedTuple):
     """Everything of a run that does not change from step to step.
 
@@ -381,7 +333,7 @@ class _Run(NamedTuple):
             rows @ q_late + flexibility,
             rows @ v_late,
             inertance,
-            *_chain(suspects, size, shape),
+            *chain(suspects, size, shape),
             predictor.observation(rows, jnp.concatenate([q_late, v_late])),
         )
 
@@ -394,7 +346,7 @@ class _Run(NamedTuple):
             jnp.zeros(m),
             self.elements.init(),
             jnp.zeros(self.suspects.force.shape),
-            jnp.zeros((_DELAY_NODES, predictor.sensors.shape[0])),
+            jnp.zeros((DELAY_NODES, predictor.sensors.shape[0])),
         )
 
     def step(self, at: _State, felt: Array) -> tuple[_State, Motion]:
@@ -444,34 +396,6 @@ class _Run(NamedTuple):
         """What the sensors show, from the last samples of what faultless ones would."""
         shown = jnp.sum(self.sensed_by * seen, axis=0)
         return jnp.clip(shown, -self.largest, self.largest)
-
-
-def _chain(suspects: Suspects, size: Array, shape: Array) -> tuple[Array, Array]:
-    """Weights of the last samples in what each sensor shows, and the largest that it can."""
-    gain, delay = (jnp.sum(size[:, None] * suspects.chain[:, i], axis=0) for i in range(2))
-    weight = _delayed(jnp.clip(delay, 0.0, LONGEST_DELAY))
-    largest = jnp.sum(shape[:, None] * suspects.chain[:, 2], axis=0)
-    return (1.0 + gain) * weight, jnp.where(largest > 0, largest, jnp.inf)
-
-
-def _delayed(late: Array) -> Array:
-    """Weights of the last samples in one that is late by so many, (nodes, ...)."""
-    nodes = range(_DELAY_NODES)
-    others = np.array([[j for j in nodes if j != i] for i in nodes])
-    apart = np.arange(_DELAY_NODES)[:, None] - others
-    return jnp.moveaxis(jnp.prod((late[..., None, None] - others) / apart, axis=-1), -1, 0)
-
-
-def change_by_delay(shown: Float[np.ndarray, "recordings N sensors"]) -> np.ndarray:
-    """What sensors would show more for each sample that they are late, from rest."""
-    slopes = np.asarray(jax.jacfwd(_delayed)(jnp.zeros(())))
-    early = np.pad(shown, [(0, 0), (_DELAY_NODES - 1, 0), (0, 0)])
-    length = shown.shape[1]
-    first = _DELAY_NODES - 1
-    return sum(
-        (slope * early[:, first - j : first - j + length] for j, slope in enumerate(slopes)),
-        np.zeros_like(shown),
-    )
 
 
 def predictor(

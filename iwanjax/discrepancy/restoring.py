@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.discrepancy.catalogue import ForceKind, Motion
-from iwanjax.discrepancy.fitting import SHORT, Fitted, evaluate
+from iwanjax.discrepancy.fitting import SHORT, Fitted
 from iwanjax.discrepancy.places import Followed
+from iwanjax.discrepancy.residuals import evaluate
 from iwanjax.discrepancy.search import Hypothesis, Search
 
 # Bins of the recovered force along the deflection, and the fewest samples of one.

@@ -9,8 +9,9 @@ import numpy as np
 
 from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import JointKind, Kind, SensorKind
-from iwanjax.discrepancy.fitting import Fitted, evaluate
+from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.residuals import evaluate
 from iwanjax.discrepancy.search import Search, Start, drifting_values, free_values
 from iwanjax.discrepancy.trials import trials
 

@@ -11,8 +11,9 @@ import numpy as np
 from iwanjax.discrepancy.catalogue import Kind
 from iwanjax.discrepancy.measured import DIRECTIONS
 from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
-from iwanjax.discrepancy.prediction import Data, Predictor, Suspects
+from iwanjax.discrepancy.prediction import Data, Predictor
 from iwanjax.discrepancy.sensitivity import Joint, tangents
+from iwanjax.discrepancy.suspects import Suspects
 
 # Rows of one call for the joints' tangents, and the step of a gain's derivatives.
 _ROWS, _NEAR = 64, 1e-4

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.catalogue import Motion
-from iwanjax.discrepancy.prediction import Data, Predictor, Suspects, Values
+from iwanjax.discrepancy.prediction import Data, Predictor
+from iwanjax.discrepancy.suspects import Suspects, Values
 from iwanjax.joints import AbstractJoint, ParameterInfo
 from iwanjax.types import Scalar
 

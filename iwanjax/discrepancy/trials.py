@@ -13,9 +13,9 @@ from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import ForceKind, Kind, SensorKind
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
-from iwanjax.discrepancy.prediction import LONGEST_DELAY, change_by_delay
 from iwanjax.discrepancy.search import Search, Start
 from iwanjax.discrepancy.sensitivity import Small, responses, unit_forces
+from iwanjax.discrepancy.sensor_chain import LONGEST_DELAY, change_by_delay
 
 # Suspects that a kernel takes at once, and kernels that run at once.
 _LANES, _THREADS = 16, 2

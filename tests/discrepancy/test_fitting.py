@@ -9,8 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iwanjax as ij
-from iwanjax.discrepancy.fitting import correlation_time, step_within
+from iwanjax.discrepancy.lanes import Lane, Layout, step_within
+from iwanjax.discrepancy.residuals import Seen, correlation_time
+from iwanjax.discrepancy.search import Hypothesis
 from iwanjax.discrepancy.sensitivity import Joint, joints_at, located
+from iwanjax.discrepancy.suspects import Suspects
 from iwanjax.types import compiled_for_one_call
 
 jax.config.update("jax_enable_x64", True)
@@ -85,3 +88,27 @@ def test_a_kernel_of_one_call_computes_the_same():
     quick, slow = compiled_for_one_call(f)(x), eqx.filter_jit(f)(x)
     np.testing.assert_allclose(quick[0], slow[0], rtol=1e-14)
     assert quick[1] == slow[1] == "label"
+
+
+@given(st.integers(0, 10**6), st.integers(1, 5))
+def test_what_a_step_promises_is_the_least_squares_of_a_linear_model(seed, size):
+    random = np.random.default_rng(seed)
+    slopes, residual = random.standard_normal((12, size)), random.standard_normal(12)
+    precision, x = random.uniform(0.0, 2.0, size), random.standard_normal(size)
+    seen = Seen(
+        np.array([residual @ residual]),
+        (slopes.T @ residual)[None],
+        (slopes.T @ slopes)[None],
+        residual[None, :, None],
+        jnp.asarray(slopes[None]),
+    )
+    layout = Layout(np.zeros((1, size)), np.eye(size)[None], precision)
+    nobody = Suspects(*(jnp.zeros((1, 1)) for _ in range(2)), jnp.zeros((1, 3, 1)), jnp.zeros(1))
+    nothing = Hypothesis((), (), nobody)
+    lane = Lane(nothing, layout, size, 12, x, seen)
+    # By an independent route: the same as rows of one least-squares problem.
+    rows = np.concatenate([slopes, np.diag(np.sqrt(precision))])
+    wanted = np.concatenate([residual - slopes @ x, np.zeros(size)])
+    left = np.linalg.lstsq(rows, -wanted, rcond=None)[0]
+    assert lane.foreseen == pytest.approx(float(np.sum((rows @ left + wanted) ** 2)), rel=1e-9)
+    assert lane.foreseen <= lane.cost * (1.0 + 1e-12)

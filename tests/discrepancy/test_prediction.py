@@ -11,14 +11,16 @@ import scipy.linalg
 
 import iwanjax as ij
 from iwanjax.discrepancy import CATALOGUE, suspicion
-from iwanjax.discrepancy.fitting import SHORT, evaluate, fit_all
+from iwanjax.discrepancy.fitting import SHORT, fit_all
 from iwanjax.discrepancy.hold import hold
 from iwanjax.discrepancy.measured import Transient, cleaned, prepared
 from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.places import followed, places_of
-from iwanjax.discrepancy.prediction import change_by_delay, predictor
+from iwanjax.discrepancy.prediction import predictor
+from iwanjax.discrepancy.residuals import evaluate
 from iwanjax.discrepancy.search import Search, Start
 from iwanjax.discrepancy.sensitivity import Joint
+from iwanjax.discrepancy.sensor_chain import change_by_delay
 from iwanjax.discrepancy.trials import trials
 
 RATE, N = 1024.0, 600
