@@ -78,8 +78,19 @@ def analytic_signal(
     -------
     (N,) complex array
         exp(psi_1 + i psi_2): envelope and phase of the mode in the band.
+
+    Raises
+    ------
+    InputError
+        For a band so narrow that the filter rings longer than the signal lasts.
     """
     count = signal.size
+    finest = sampling_rate / count
+    if band[1] - band[0] < finest:
+        raise InputError(
+            f"band [{band[0]:g}, {band[1]:g}] Hz is narrower than the {finest:.3g} Hz that a "
+            f"recording of {count / sampling_rate:.3g} s resolves; expected a wider one"
+        )
     padded = 1 << int(np.ceil(np.log2(count + settling_time(band, order) * sampling_rate)))
     spectrum = np.fft.rfft(signal, padded)
     gain = band_pass_gain(np.fft.rfftfreq(padded, 1.0 / sampling_rate), band, order)

@@ -145,3 +145,13 @@ def test_a_bad_band_is_refused(band, rate, message):
 
 def test_a_band_of_whole_numbers_and_arrays_is_taken():
     assert check_band(np.array([90, 110]), 2000) == (90.0, 110.0)
+
+
+def test_a_band_that_the_recording_does_not_resolve_is_refused_before_memory_is_asked_for():
+    """Of two modes all but at one frequency: its filter would ring for days."""
+    for filtered in (analytic_signal, band_pass):
+        with pytest.raises(
+            ij.InputError, match=r"narrower than the 0.25 Hz that a recording of 4 s"
+        ):
+            filtered(np.ones(8000), RATE, (100.0, 100.0 + 1e-5))
+    assert analytic_signal(np.ones(8000), RATE, (100.0, 101.0)).shape == (8000,)
