@@ -70,6 +70,9 @@ class ForceKind:
         Whether the force is in proportion to the place's acceleration.
     variant : str
         Which of several forms of the same name, in words; empty for the only one.
+    limits : tuple of str
+        Simpler kinds that it becomes at the ends of its shape's range: where one of them does
+        all but as well, that one is named.
     """
 
     name: str
@@ -82,6 +85,7 @@ class ForceKind:
     positive: bool = False
     inertial: bool = False
     variant: str = ""
+    limits: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -120,12 +124,15 @@ class JointKind:
         As for :class:`ForceKind`.
     parameters : tuple of ParameterInfo
         What is fitted.
+    limits : tuple of str
+        As for :class:`ForceKind`.
     """
 
     name: str
     usual: str
     parameters: tuple[ParameterInfo, ...]
     signs: str
+    limits: tuple[str, ...] = ()
 
 
 Kind: TypeAlias = ForceKind | SensorKind | JointKind
@@ -194,6 +201,7 @@ _KINDS: tuple[Kind, ...] = (
             lambda s: (0.3 * s.deflection, 0.7 * s.deflection),
             positive=True,
             variant=variant,
+            limits=("stiffness_error",) if not variant else ("bilinear_stiffness",),
         )
         for variant, law in (
             ("", lambda m, g: jnp.sign(m.d) * jnp.maximum(jnp.abs(m.d) - g, 0.0)),
@@ -217,6 +225,7 @@ _KINDS: tuple[Kind, ...] = (
         ParameterInfo("slip", "length", "deflection at slip", 0.0),
         lambda s: (0.003 * s.deflection, 0.05 * s.deflection),
         positive=True,
+        limits=("stiffness_error",),
     ),
     ForceKind(
         "quadratic_damping",
@@ -234,6 +243,7 @@ _KINDS: tuple[Kind, ...] = (
         ParameterInfo("tau", "time", "relaxation time", 0.0),
         lambda s: (0.4 * s.period, 2.0 * s.period),
         positive=True,
+        limits=("stiffness_error", "viscous_damping"),
     ),
     SensorKind(
         "sensor_gain",
@@ -280,7 +290,13 @@ _KINDS: tuple[Kind, ...] = (
         ),
         "recordings that each want another strength of one joint",
     ),
-    JointKind("iwan_joint", "a joint left out", IWAN_PARAMETERS, "microslip where no joint is"),
+    JointKind(
+        "iwan_joint",
+        "a joint left out",
+        IWAN_PARAMETERS,
+        "microslip where no joint is",
+        ("coulomb_friction", "stiffness_error"),
+    ),
 )
 
 CATALOGUE: dict[str, tuple[Kind, ...]] = {}

@@ -11,9 +11,7 @@ from iwanjax.discrepancy.rounds import INDULGENCE, RACE, Entry, cost_of
 LEAST_GAIN = 12.0
 """Something is missing when the evidence for it exceeds that for nothing by this: so much likelier
 is nothing before the data, as many suspects are tried and no model is free of errors."""
-# Kinds that a joint left out can be all but the same as.
-_WITHIN_A_JOINT = ("coulomb_friction", "stiffness_error")
-# Squared residual of a joint over that of its limit from which on it does not explain as much.
+# Squared residual of a kind over that of its limit from which on it does not explain as much.
 _AS_MUCH = 1.02
 # Entries that are fitted to the free run, by evidence.
 _FINALISTS = 3
@@ -38,7 +36,7 @@ def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
     values = np.array(table.values)
     # For nothing the residual counts a little less: what the model's own errors are worth.
     values[0] += INDULGENCE * table.worth(base.fitted)
-    # A joint has springs and sliders for its limits: it has to explain so much more than they.
+    # What has simpler kinds for its limits has to explain so much more than they.
     for i, e in enumerate(same, 1):
         margin, simpler = INDULGENCE * table.worth(e.fitted), _simpler(e)
         if any(
@@ -58,21 +56,21 @@ def missing(base: Entry, best: Entry) -> bool:
 
 
 def containing(best: Entry, entries: Sequence[Entry]) -> tuple[tuple[str, str], ...]:
-    """Suspects of the best entry, each with a joint it is a limit of and that explains as much.
+    """Suspects of the best entry, each with one it is a limit of and that explains as much.
 
     Both as kind@where.
 
     A joint that never slips is a spring and one that always does a slider: where the simpler
-    one does, no data speaks against the joint.
+    one does, no data speaks against the other.
     """
     parts = _parts(best)
     return tuple(
-        ("@".join(limit), "@".join(joint))
+        ("@".join(limit), "@".join(whole))
         for e in entries
         if parts in _simpler(e)
         and e.fitted.cycles == best.fitted.cycles
         and e.fitted.cost < _AS_MUCH * best.fitted.cost
-        for limit, joint in zip(parts - _parts(e), _parts(e) - parts, strict=True)
+        for limit, whole in zip(parts - _parts(e), _parts(e) - parts, strict=True)
     )
 
 
@@ -84,11 +82,10 @@ def _parts(entry: Entry) -> frozenset[tuple[str, str]]:
 
 
 def _simpler(entry: Entry) -> set[frozenset[tuple[str, str]]]:
-    """The same with a spring or a slider in place of a joint."""
-    parts = _parts(entry)
+    """The same with one suspect's limit in its place."""
+    parts, hypothesis = _parts(entry), entry.fitted.hypothesis
     return {
-        parts - {(name, where)} | {(limit, where)}
-        for name, where in parts
-        for limit in _WITHIN_A_JOINT
-        if name == "iwan_joint"
+        parts - {(kind.name, where)} | {(limit, where)}
+        for kind, where in zip(hypothesis.kinds, hypothesis.where, strict=True)
+        for limit in getattr(kind, "limits", ())
     }

@@ -9,7 +9,7 @@ from iwanjax.discrepancy.ranking import containing, finalists, missing, ranked
 from iwanjax.discrepancy.rounds import MIDDLE, Entry
 
 N = 4000
-KINDS = {kind.name: kind for kind in kinds_of()}
+KINDS = {kind.name: kind for kind in reversed(kinds_of())}
 SEARCH = SimpleNamespace(
     data=SimpleNamespace(weight=np.ones((1, N, 1))), noise=np.array([np.sqrt(0.9)])
 )
@@ -64,6 +64,22 @@ def test_a_joint_owes_nothing_to_what_it_cannot_look_like():
     assert order(base, joint, entry(1.0, "viscoelastic@a"))[0] == ("iwan_joint",)
     # Nor to a slider elsewhere.
     assert order(base, joint, entry(1.0, "coulomb_friction@b"))[0] == ("iwan_joint",)
+
+
+@pytest.mark.parametrize(
+    ("whole", "limit"),
+    [
+        ("viscoelastic", "stiffness_error"),
+        ("viscoelastic", "viscous_damping"),
+        ("coulomb_friction", "stiffness_error"),
+        ("gap_contact", "stiffness_error"),
+    ],
+)
+def test_whatever_has_a_limit_that_does_as_well_comes_after_it(whole, limit):
+    base, simple = entry(3.0), entry(1.0, f"{limit}@a")
+    assert order(base, entry(0.97, f"{whole}@a"), simple)[0] == (limit,)
+    assert order(base, entry(0.8, f"{whole}@a"), simple)[0] == (whole,)
+    assert containing(simple, [entry(0.99, f"{whole}@a")]) == ((f"{limit}@a", f"{whole}@a"),)
 
 
 def test_beside_another_suspect_the_same_holds():
