@@ -11,7 +11,7 @@ import numpy as np
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.evidence import untried
-from iwanjax.discrepancy.held_out import Free, free_run
+from iwanjax.discrepancy.held_out import Free, free_run, joined
 from iwanjax.discrepancy.measured import Prepared, Transient, prepared
 from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
@@ -177,6 +177,7 @@ def diagnose(
         before=Errors(*(_relative(x) for x in before)),
         after=Errors(*(_relative(x) for x in after)),
         noise_floor=Errors(*(x.floor if x else math.nan for x in after)),
+        parameter_spread=Errors(*(x.spread if x else math.nan for x in after)),
         indistinguishable=tuple(dict.fromkeys(indistinguishable)),
         observables=differing,
         scores=table.scores,
@@ -293,14 +294,7 @@ def _better(before: tuple[Free, Free | None], after: tuple[Free, Free | None]) -
 
 def _joined(runs: tuple[Free, Free | None]) -> Free:
     """Fitted and held-out recordings one after the other."""
-    parts = [run for run in runs if run is not None]
-    return Free(
-        tuple(name for part in parts for name in part.names),
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("error", "measured", "noise")
-        ),
-    )
+    return joined([run for run in runs if run is not None])
 
 
 def _suspects(table: competition.Table, tried: float) -> list[Suspect]:

@@ -216,6 +216,7 @@ def diagnose_curves(
         before=errors[0],
         after=errors[1],
         noise_floor=floor,
+        parameter_spread=Errors(math.nan, math.nan),
         indistinguishable=alike(what, _ALIKE) if what else (),
         observables=_observables(before, mode) if detected else (),
         scores=(),

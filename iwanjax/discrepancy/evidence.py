@@ -59,6 +59,15 @@ def log_evidence(
     return -np.asarray(costs) / (2.0 * temperature * tau) - spent
 
 
+def covariance(search: Search, fitted: Fitted) -> np.ndarray:
+    """Of what was free in a fit, (free, free), by the residual's own size.
+
+    Residuals that are correlated over some samples count as so many fewer.
+    """
+    table = evidence(search, [fitted])
+    return table.temperature * table.tau * np.linalg.pinv(fitted.normal)
+
+
 def values_measured(search: Search) -> int:
     """Number of samples that a residual is taken of."""
     return int(np.count_nonzero(np.asarray(search.data.weight)))

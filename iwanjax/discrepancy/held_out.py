@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iwanjax.discrepancy.evidence import covariance
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.measured import Prepared
 from iwanjax.discrepancy.residuals import evaluate
-from iwanjax.discrepancy.search import Search, drifting_values
+from iwanjax.discrepancy.search import Search, drifting_values, free_values
 
 
 class Free(NamedTuple):
@@ -26,12 +27,15 @@ class Free(NamedTuple):
         As recorded, zero likewise.
     noise : (recordings,) array
         Mean square that the sensors' noise and the forces' leave, summed over the samples.
+    unsure : (recordings,) array
+        The same of what the fitted recordings leave open of the parameters, linearised.
     """
 
     names: tuple[str, ...]
     error: np.ndarray
     measured: np.ndarray
     noise: np.ndarray
+    unsure: np.ndarray
 
     @property
     def relative(self) -> float:
@@ -42,6 +46,11 @@ class Free(NamedTuple):
     def floor(self) -> float:
         """The same of a perfect model."""
         return math.sqrt(float(np.sum(self.noise) / np.sum(self.measured**2)))
+
+    @property
+    def spread(self) -> float:
+        """The same of what uncertain parameters leave."""
+        return math.sqrt(float(np.sum(self.unsure) / np.sum(self.measured**2)))
 
     def by_recording(self) -> Mapping[str, float]:
         """Relative errors, one for each recording."""
@@ -75,12 +84,14 @@ def free_run(
         Places of the recordings that were fitted.
     """
     parts = [_free(search, fitted, each, places, order) for each, places in batches]
-    return Free(
-        tuple(name for part in parts for name in part.names),
-        np.concatenate([part.error for part in parts]),
-        np.concatenate([part.measured for part in parts]),
-        np.concatenate([part.noise for part in parts]),
-    )
+    return joined(parts)
+
+
+def joined(parts: Sequence[Free]) -> Free:
+    """Recordings one after the other."""
+    names = tuple(name for part in parts for name in part.names)
+    arrays = zip(*(part[1:] for part in parts), strict=True)
+    return Free(names, *(np.concatenate(each) for each in arrays))
 
 
 def _free(
@@ -102,7 +113,14 @@ def _free(
     # What the forces' noise does to the state after the pulse, of deviation 1 each.
     kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]
     own = own + np.sum(kicked**2, axis=(1, 2, 3))
-    return Free(those.names, seen.residual[:count] / safe, np.where(weight > 0, y, 0.0), own)
+    shared = free_values(search, fitted.hypothesis)
+    slopes = np.asarray(seen.slopes)[:count][:, shared] / safe[:, None]
+    open_to = np.einsum("rins,rjns->rij", slopes, slopes)
+    k = len(shared)
+    unsure = np.einsum("rij,ij->r", open_to, covariance(search, fitted)[:k, :k])
+    return Free(
+        those.names, seen.residual[:count] / safe, np.where(weight > 0, y, 0.0), own, unsure
+    )
 
 
 def _expected(

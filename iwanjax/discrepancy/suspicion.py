@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import ForceKind, JointKind, SensorKind
-from iwanjax.discrepancy.evidence import evidence
+from iwanjax.discrepancy.evidence import covariance
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.search import Hypothesis, Search, Start, drifting_values, free_values
@@ -223,13 +223,9 @@ def _as_nothing(search: Search, kind: JointKind, label: str, z: np.ndarray) -> S
 
 
 def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]:
-    """Physical parameters of a suspect with deviations, as the residual's own size has them.
-
-    Residuals that are correlated over some samples count as so many fewer.
-    """
+    """Physical parameters of a suspect with deviations, as the residual's own size has them."""
     hypothesis, kind = fitted.hypothesis, fitted.hypothesis.kinds[slot]
-    table = evidence(search, [fitted])
-    covariance = table.temperature * table.tau * np.linalg.pinv(fitted.normal)
+    known = covariance(search, fitted)
     own = free_values(search, hypothesis)
     theta = fitted.theta.mean(axis=0)
     first = search.parameters + 2 * slot
@@ -237,7 +233,7 @@ def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]
     def deviation(value: int) -> float:
         if value not in own:
             return math.nan
-        return math.sqrt(max(float(covariance[own.index(value), own.index(value)]), 0.0))
+        return math.sqrt(max(float(known[own.index(value), own.index(value)]), 0.0))
 
     if isinstance(kind, JointKind):
         return _of_joint(search, fitted, kind, deviation)

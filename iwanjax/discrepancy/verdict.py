@@ -97,6 +97,9 @@ class Diagnosis:
     before, after, noise_floor : Errors
         Free-run errors of the model with its joints refitted, with what was found added, and
         what sensor and force noise alone leave.
+    parameter_spread : Errors
+        By how much predictions move within what the fitted recordings leave open of the
+        parameters, linearised; NaN for curves.
     indistinguishable : tuple of (str, str)
         Pairs kind@where that these data cannot tell apart.
     observables : tuple of Observable
@@ -124,6 +127,7 @@ class Diagnosis:
     before: Errors
     after: Errors
     noise_floor: Errors
+    parameter_spread: Errors
     indistinguishable: tuple[tuple[str, str], ...]
     observables: tuple[Observable, ...] = field(repr=False)
     scores: tuple[Score, ...] = field(repr=False)
@@ -164,6 +168,17 @@ class Diagnosis:
             f"predicts the {which} ones within {error:.2g} of their root mean square "
             f"(probability {self.probability_nothing_missing:.2f}).",
             f"Noise alone would leave {floor:.2g}.",
+            *self._open(),
+        ]
+
+    def _open(self) -> list[str]:
+        """What the parameters leave open of the held-out recordings, where that is much."""
+        spread = self.parameter_spread.hold_out
+        if not spread > self.noise_floor.hold_out:
+            return []
+        return [
+            f"What the fitted recordings leave open of the parameters moves the held-out ones by "
+            f"about {spread:.2g} more"
         ]
 
     def _missing(self) -> list[str]:
@@ -183,6 +198,7 @@ class Diagnosis:
                 f"Held-out error falls from {self.before.hold_out:.2g} to "
                 f"{self.after.hold_out:.2g}; the noise floor is {self.noise_floor.hold_out:.2g}."
             )
+            told += self._open()
         for each in self.found:
             rivals = [b for a, b in self.indistinguishable if a == each.label]
             if rivals:

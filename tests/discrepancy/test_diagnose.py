@@ -91,6 +91,13 @@ def test_the_verdict_comes_with_its_pictures_and_differences(told):
     assert verdict["observables"][0]["mode"] in (0, 1)
 
 
+@pytest.mark.parametrize("name", [NOTHING, FRICTION])
+def test_what_the_parameters_leave_open_is_less_than_the_noise_where_they_were_fitted(told, name):
+    fit = told(name)[0]["fit"]
+    assert 0.0 < fit["parameter_spread"]["fit"] < fit["noise_floor"]["fit"]
+    assert fit["parameter_spread"]["hold_out"] > 0.0
+
+
 def test_a_budget_that_is_too_short_is_said(told):
     verdict, _, _ = told(NOTHING, "--budget", "1")
     assert verdict["complete"] is False

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE, ForceKind
 from iwanjax.discrepancy.cycle import beside, shows
+from iwanjax.discrepancy.verdict import Errors
 from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import about
 
@@ -95,6 +97,14 @@ def test_a_cubic_spring_is_found_and_predicts_what_was_held_out(told):
     assert found.after.hold_out < 1.5 * found.noise_floor.hold_out
     assert found.before.hold_out > 10.0 * found.after.hold_out
     assert {each.quantity for each in found.observables} == {"frequency", "damping"}
+
+
+@pytest.mark.parametrize(("times", "said"), [(0.5, False), (3.0, True)])
+def test_parameters_that_leave_much_open_are_said(told, times, said):
+    for found in told.values():
+        spread = Errors(0.0, times * found.noise_floor.hold_out)
+        statement = replace(found, parameter_spread=spread).statement()
+        assert ("leave open of the parameters" in statement) == said
 
 
 def test_the_pictures_show_both(told):
