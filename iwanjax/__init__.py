@@ -54,8 +54,8 @@ if TYPE_CHECKING:
         ModeComparison,
         compare_modes,
         diagnose,
-        diagnose_curves,
     )
+    from iwanjax.discrepancy.diagnose_curves import diagnose_curves
     from iwanjax.dynamics import (
         Energies,
         HarmonicResponse,
@@ -140,7 +140,7 @@ _LATER = {
     "Diagnosis": "iwanjax.discrepancy",
     "ModeComparison": "iwanjax.discrepancy",
     "diagnose": "iwanjax.discrepancy",
-    "diagnose_curves": "iwanjax.discrepancy",
+    "diagnose_curves": "iwanjax.discrepancy.diagnose_curves",
     "compare_modes": "iwanjax.discrepancy",
     "Energies": "iwanjax.dynamics",
     "HarmonicResponse": "iwanjax.dynamics",

@@ -33,15 +33,7 @@ def test_it_is_stored_without_outputs(path):
     assert code[-1].source.splitlines()[-1].startswith("assert ")
 
 
-# Takes longer than any other test, and tests of diagnose say most of what it does.
-SLOWEST = "06_what_is_missing"
-
-
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(p, marks=pytest.mark.long if p.stem == SLOWEST else ()) for p in NOTEBOOKS],
-    ids=lambda path: path.stem,
-)
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_runs(path):
     if "iwanjax.structures.fem" in path.read_text(encoding="utf-8"):
         pytest.importorskip("skfem", reason="scikit-fem (extra fem) is not installed")

@@ -1,4 +1,8 @@
-"""Discrepancy: where models and recordings differ, and why."""
+"""Discrepancy: where models and recordings differ, and why.
+
+:func:`~iwanjax.discrepancy.diagnose_curves.diagnose_curves` stays in its module: it loads the
+optimisers, which pictures of a diagnosis do not need.
+"""
 
 from iwanjax.discrepancy.catalogue import (
     CATALOGUE,
@@ -7,8 +11,8 @@ from iwanjax.discrepancy.catalogue import (
     SensorKind,
     register_kind,
 )
+from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.diagnose import diagnose
-from iwanjax.discrepancy.diagnose_curves import CurveRun, diagnose_curves
 from iwanjax.discrepancy.measured import Transient
 from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes
 from iwanjax.discrepancy.verdict import Diagnosis, Suspect
@@ -25,6 +29,5 @@ __all__ = [
     "Transient",
     "compare_modes",
     "diagnose",
-    "diagnose_curves",
     "register_kind",
 ]

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.backbone import CurveFit, fit_alone, fit_beside
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
+from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.evidence import log_evidence, shares, untried
 from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.ranking import LEAST_GAIN
@@ -30,58 +31,6 @@ _ALIKE = 3.0
 _CLEAR, _ENOUGH = 3.0, 0.05
 # Error over the noise's from which on something is left unexplained.
 _UNEXPLAINED = 1.25
-
-
-@dataclass(frozen=True, eq=False)
-class CurveRun:
-    """A model against the curves of one mode.
-
-    Attributes
-    ----------
-    measured, predicted : tuple of ModalCurves
-        At the same amplitudes; those that were fitted come first.
-    fitted : int
-        How many these are.
-    rest : float
-        Highest measured frequency of those that were fitted, from which falls are counted, Hz.
-    scales : (float, float)
-        Root mean square of the frequency's fall from there, Hz, and of the damping, over the
-        curves that were fitted: errors are told as shares of them.
-    """
-
-    measured: tuple[ModalCurves, ...]
-    predicted: tuple[ModalCurves, ...]
-    fitted: int
-    rest: float
-    scales: tuple[float, float]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the curves."""
-        return tuple(each.name or f"curve {i}" for i, each in enumerate(self.measured))
-
-    def by_recording(self) -> Mapping[str, float]:
-        """Errors, frequency and damping together, as shares of what was measured."""
-        errors = [
-            self._share(
-                np.asarray(model.frequency) - np.asarray(seen.frequency),
-                np.asarray(model.damping) - np.asarray(seen.damping),
-            )
-            for model, seen in zip(self.predicted, self.measured, strict=True)
-        ]
-        return dict(zip(self.names, errors, strict=True))
-
-    def floors(self) -> Mapping[str, float]:
-        """The same for a perfect model: stated deviations."""
-        floors = [
-            self._share(np.asarray(seen.frequency_std), np.asarray(seen.damping_std))
-            for seen in self.measured
-        ]
-        return dict(zip(self.names, floors, strict=True))
-
-    def _share(self, f: np.ndarray, zeta: np.ndarray) -> float:
-        shares = np.stack([f / self.scales[0], zeta / self.scales[1]])
-        return math.sqrt(float(np.mean(shares**2)))
 
 
 class _Entry(NamedTuple):

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from iwanjax.discrepancy.diagnose_curves import CurveRun
+from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.errors import InputError
 from iwanjax.plotting.curves import DAMPING_LABEL, amplitude_label, frequency_label

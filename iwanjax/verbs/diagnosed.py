@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from iwanjax.config import Study
-from iwanjax.discrepancy import Diagnosis, Transient, diagnose, diagnose_curves
+from iwanjax.discrepancy import Diagnosis, Transient, diagnose
+from iwanjax.discrepancy.diagnose_curves import diagnose_curves
 from iwanjax.errors import InputError
 from iwanjax.signals import Recording
 from iwanjax.updating import modal_parameters
