@@ -201,12 +201,16 @@ _KINDS: tuple[Kind, ...] = (
             lambda s: (0.3 * s.deflection, 0.7 * s.deflection),
             positive=True,
             variant=variant,
-            limits=("stiffness_error",) if not variant else ("bilinear_stiffness",),
+            limits=limits,
         )
-        for variant, law in (
-            ("", lambda m, g: jnp.sign(m.d) * jnp.maximum(jnp.abs(m.d) - g, 0.0)),
-            ("where d > 0", lambda m, g: jnp.maximum(m.d - g, 0.0)),
-            ("where d < 0", lambda m, g: -jnp.maximum(-m.d - g, 0.0)),
+        for variant, limits, law in (
+            (
+                "",
+                ("stiffness_error",),
+                lambda m, g: jnp.sign(m.d) * jnp.maximum(jnp.abs(m.d) - g, 0.0),
+            ),
+            ("where d > 0", ("bilinear_stiffness",), lambda m, g: jnp.maximum(m.d - g, 0.0)),
+            ("where d < 0", (), lambda m, g: -jnp.maximum(-m.d - g, 0.0)),
         )
     ),
     ForceKind(

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.catalogue import kinds_of
+from iwanjax.discrepancy.catalogue import ForceKind, Motion, kinds_of
 from iwanjax.discrepancy.evidence import left_by_noise
 from iwanjax.discrepancy.ranking import containing, finalists, missing, ranked
 from iwanjax.discrepancy.rounds import MIDDLE, Entry
@@ -114,3 +114,32 @@ def test_of_a_pair_the_one_that_is_a_limit_is_told():
     pair = entry(1.0, "mass_error@b", "coulomb_friction@a")
     joint = entry(1.0, "iwan_joint@a", "mass_error@b")
     assert containing(pair, [pair, joint]) == (("coulomb_friction@a", "iwan_joint@a"),)
+
+
+def driven(kind: ForceKind, shape: float) -> np.ndarray:
+    """Force of unit size along a decaying sine, as one row of unit length."""
+    dt, memory, force = 0.01, np.zeros(()), []
+    t = dt * np.arange(1, 400)
+    d, v = np.exp(-0.2 * t) * np.sin(3.0 * t), np.gradient(np.exp(-0.2 * t) * np.sin(3.0 * t), dt)
+    for here, rate, moved in zip(d, v, np.diff(d, prepend=0.0), strict=True):
+        motion = Motion(*(np.asarray(x) for x in (here, rate, 0.0, moved, dt)))
+        now, memory = kind.unit_force(motion, np.asarray(shape), memory)
+        force.append(float(now))
+    # A gap that never closes has no force at all.
+    return np.array(force) / max(float(np.linalg.norm(force)), 1e-300)
+
+
+LIMITS = [
+    pytest.param(kind, limit, id=f"{kind.name} {kind.variant} {limit}")
+    for kind in kinds_of()
+    if isinstance(kind, ForceKind)
+    for limit in kind.limits
+]
+
+
+@pytest.mark.parametrize(("kind", "limit"), LIMITS)
+def test_a_limit_is_what_the_force_becomes_at_an_end_of_its_shape(kind, limit):
+    wanted = driven(KINDS[limit], 1.0)
+    assert driven(kind, 0.3) @ wanted < 0.999
+    # Rates are central differences here, half a step before the element's own.
+    assert max(driven(kind, shape) @ wanted for shape in (1e-3, 1e3)) > 0.999
