@@ -41,7 +41,8 @@ class Data(NamedTuple):
     response : (recordings, N, sensors) array
         As measured.
     weight : (recordings, N, sensors) array
-        One over the deviation that a residual may have; zero where nothing was measured.
+        One over the deviation that a residual may have in the band that is compared; zero
+        where nothing was measured.
     kick : (recordings, N) array
         One at the sample where the state is uncertain.
     unsure : (recordings, 2 kept, directions) array
@@ -381,7 +382,10 @@ class _Run(NamedTuple):
             memory.append(kept)
         # The acceleration holds the expected force already, which an inertia acts back on.
         late = (-total - expected[n:]) / (1.0 + inertia)
-        return jnp.concatenate([e, late]), reaction.state, jnp.stack(memory, axis=1)
+        # What remembers too early an end turns back from it: at strong slip that would build up.
+        by = self.compliance[:n, :n] @ e
+        joints = self.elements.settled(reaction.state, by, reaction.stiffness)
+        return jnp.concatenate([e, late]), joints, jnp.stack(memory, axis=1)
 
     def seen(self, at: _State, push: Array) -> Array:
         """What faultless sensors show."""

@@ -70,6 +70,15 @@ class Joints(eqx.Module):
             self._merged([each.loss for each in found]),
         )
 
+    def settled(self, states: tuple[Any, ...], by: Array, stiffness: Array) -> tuple[Any, ...]:
+        """States after a step that in the end led further by so much, (joints,)."""
+        return tuple(
+            jax.vmap(lambda e, s, by, k: e.settled(s, by, k))(
+                group, state, _take(by, places), _take(stiffness, places)
+            )
+            for group, places, state in zip(self.groups, self.order, states, strict=True)
+        )
+
     def energy(self, d: Array, states: tuple[Any, ...]) -> Array:
         """Energy stored in each joint, (joints,)."""
         return self._merged(

@@ -67,6 +67,23 @@ class AbstractDiscrete(eqx.Module):
             At its beginning.
         """
 
+    def settled(self, state: Any, by: Array, stiffness: Array) -> Any:
+        """The state after a step that in the end led a little further, by so much.
+
+        For solvers that correct a deflection without another evaluation; to first order, and
+        the state as it is where an element does not know better.
+
+        Parameters
+        ----------
+        state : pytree
+            At the end of the step.
+        by : array
+            How much further.
+        stiffness : array
+            The reaction's.
+        """
+        return state
+
     @abc.abstractmethod
     def energy(self, d: Array, state: Any) -> Array:
         """Energy stored at deflection d, force x length."""

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 
-_DEPTH = 32
+_DEPTH = 20
 
 
 class MasingJoint(Protocol):
@@ -53,7 +53,7 @@ class Reversals(AbstractDiscrete):
     and where it meets the tip of an earlier loop that loop is closed and forgotten: the branch
     on which it was opened goes on. No sliders, so no error of discretisation, and a force that
     is smooth in the parameters. Of a decay without end the outermost loop and the latest ones
-    are kept, 32 reversals in all. What it stores and loses is not known: NaN.
+    are kept, 20 reversals in all. What it stores and loses is not known: NaN.
 
     Parameters
     ----------
@@ -91,6 +91,10 @@ class Reversals(AbstractDiscrete):
         unknown = jnp.full_like(force, jnp.nan)
         kept = ReversalState(d, force, heading, tips, forces, count)
         return Reaction(force, tangent, jnp.zeros_like(force), kept, unknown)
+
+    def settled(self, state: ReversalState, by: Array, stiffness: Array) -> ReversalState:
+        """Along the branch."""
+        return state._replace(d=state.d + by, force=state.force + stiffness * by)
 
     def energy(self, d: Array, state: ReversalState) -> Array:
         """Not known without sliders: NaN."""

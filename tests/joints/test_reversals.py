@@ -103,3 +103,26 @@ def test_in_motion_it_agrees_with_sliders():
     ]
     for closed, sliders in zip(*found, strict=True):
         assert np.max(np.abs(closed - sliders)) < 5e-6 * np.max(np.abs(sliders))
+
+
+@given(st.floats(-1.2, 1.2), st.floats(0.2, 1.0), st.sampled_from([-1.0, 1.0]))
+@settings(deadline=None)
+def test_a_step_that_led_further_is_settled_along_its_branch(first, length, way):
+    element, further = JOINT.discrete(None), 1e-4
+    at = element.step(PHI_MAX * first, 0.0, 1.0, element.init()).state
+    then = first + way * length
+    found = element.step(PHI_MAX * then, 0.0, 1.0, at)
+    by = PHI_MAX * further
+    settled = element.settled(found.state, by, found.stiffness)
+    again = element.step(PHI_MAX * then + by, 0.0, 1.0, at).state
+    assert float(settled.d) == pytest.approx(float(again.d), abs=1e-12 * PHI_MAX)
+    # The square of what it went further, but where it leaves the microslip on the way.
+    at_kink = min(abs(abs(then) - 1.0), abs(length - 2.0), abs(abs(then) - abs(first)))
+    limit = 1e-6 if at_kink > 2 * further else further
+    assert abs(float(settled.force - again.force)) < limit * float(JOINT.F_S)
+
+
+def test_an_element_that_knows_no_better_stays_as_it_was():
+    element = JOINT.discrete(10)
+    state = element.step(0.1, 0.0, 1.0, element.init()).state
+    assert element.settled(state, 0.1, 1.0) is state
