@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iwanjax.discrepancy.band import OF_NOISE
 from iwanjax.discrepancy.catalogue import JointKind
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.residuals import correlation_time
@@ -79,7 +80,7 @@ def left_by_noise(search: Search) -> float:
     Weights allow for errors of the model too, so that it is less than the number of samples.
     """
     weight = np.asarray(search.data.weight)
-    return float(np.sum((search.noise * weight) ** 2))
+    return float(np.sum((OF_NOISE * search.noise * weight) ** 2))
 
 
 def unknowns(fitted: Fitted) -> int:

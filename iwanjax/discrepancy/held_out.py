@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iwanjax.discrepancy.band import OF_NOISE
 from iwanjax.discrepancy.evidence import covariance
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.measured import Prepared
@@ -109,7 +110,8 @@ def _free(
     weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
     safe = np.where(weight > 0, weight, np.inf)
     (seen,) = evaluate(here, [(fitted.hypothesis, rows)], math.inf)
-    own = np.sum(np.where(weight > 0, those.noise[:, None, :] ** 2, 0.0), axis=(1, 2))
+    left = (OF_NOISE * those.noise[:, None, :]) ** 2
+    own = np.sum(np.where(weight > 0, left, 0.0), axis=(1, 2))
     # What the forces' noise does to the state after the pulse, of deviation 1 each.
     kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]
     own = own + np.sum(kicked**2, axis=(1, 2, 3))

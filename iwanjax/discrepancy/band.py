@@ -1,0 +1,25 @@
+"""The band in which recordings are compared: below what a recorder's filter spoils."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+# Its end as a share of the sampling rate, where half is left: recorders fade out towards 0.4,
+# while forces inside the structure do not. Half the filter's length, samples; Kaiser's beta.
+_END, _BETA = 0.35, 5.0
+HALF = 16
+"""Samples on either side that a compared value depends on."""
+_AT = np.arange(-HALF, HALF + 1)
+_TAPS = np.sinc(2.0 * _END * _AT) * np.kaiser(2 * HALF + 1, _BETA)
+_TAPS = _TAPS / _TAPS.sum()
+OF_NOISE = float(np.sqrt(np.sum(_TAPS**2)))
+"""Share of white noise's deviation that is in the band."""
+
+
+def in_band(e: Float[Array, "N sensors"]) -> Float[Array, "N sensors"]:
+    """What of a signal is in the band, without delay; zeros before and after it."""
+    wide = jnp.pad(e, [(HALF, HALF), (0, 0)])
+    mirrored = (wide[i : i + len(e)] + wide[2 * HALF - i :][: len(e)] for i in range(HALF))
+    return _TAPS[HALF] * e + sum(
+        (t * x for t, x in zip(_TAPS[:HALF], mirrored, strict=True)), jnp.zeros(())
+    )
