@@ -6,18 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from iwanjax.discrepancy.lanes import RAISED, begun
-from iwanjax.discrepancy.residuals import correlation_time, evaluate
+from iwanjax.discrepancy.lanes import begun
+from iwanjax.discrepancy.residuals import evaluate, glance
 from iwanjax.discrepancy.search import Hypothesis, Search, Start
 
 SHORT = 2.0
 """The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""
 # Steps before a search may be given up.
 _HEAD_START = 3
-# Steps in a row that gain little before a search ends.
-_PATIENCE = 2
-# Factor of the damping after a step that did.
-_EASED = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +125,6 @@ def fit_all(
     if not starts:
         return []
     lanes = begun(search, starts, cycles)
-    count = lanes[0].count
     for step in range(steps):
         if not in_time():
             break
@@ -137,6 +132,10 @@ def fit_all(
             best = min(best, *(lane.cost for lane in lanes))
             for lane in lanes:
                 lane.active = lane.active and lane.cost < race * best
+        stale = [lane for lane in lanes if lane.active and lane.stale]
+        at = [(lane.hypothesis, lane.theta(lane.x)) for lane in stale]
+        for lane, seen in zip(stale, evaluate(search, at, cycles), strict=True):
+            lane.renewed(seen)
         tried = []
         for lane in lanes:
             x = lane.proposed() if lane.active else None
@@ -147,22 +146,9 @@ def fit_all(
                 tried.append((lane, x))
         if not tried:
             break
-        found = evaluate(search, [(lane.hypothesis, lane.theta(x)) for lane, x in tried], cycles)
-        for (lane, x), seen in zip(tried, found, strict=True):
-            at = (lane.x, lane.seen)
-            tau = lane.tau
-            before = lane.objective(tau)
-            lane.x, lane.seen = x, seen
-            gain = tau * (before - lane.objective(tau))
-            if not gain > 0:
-                lane.x, lane.seen = at
-                lane.damping *= RAISED
-                continue
-            lane.tau = correlation_time(seen.residual)
-            lane.damping = max(lane.damping * _EASED, 1e-9)
-            lane.slow = lane.slow + 1 if gain < tolerance * min(lane.cost, count) else 0
-            if lane.slow == _PATIENCE:
-                lane.converged, lane.active = True, False
+        found = glance(search, [(lane.hypothesis, lane.theta(x)) for lane, x in tried], cycles)
+        for (lane, x), residual in zip(tried, found, strict=True):
+            lane.tried(x, residual, tolerance)
     return [
         Fitted(
             lane.hypothesis,

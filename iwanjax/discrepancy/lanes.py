@@ -15,8 +15,13 @@ from iwanjax.discrepancy.search import Hypothesis, Search, Start, drifting_value
 _FARTHEST = 8.0
 # The largest change of a logarithm in one step.
 _LEAP = 2.0
-RAISED = 5.0
-"""Factor of the damping after a step that gained nothing."""
+# Factors of the damping: after a step that gained nothing, and after one that did.
+_RAISED, _EASED = 5.0, 0.2
+# Steps in a row that gain little before a search ends.
+_PATIENCE = 2
+# Fall of the cost over what was foreseen, within which derivatives are as good as new; and steps
+# that they are kept for at most.
+_AS_FORESEEN, _LONGEST_KEPT = (0.6, 1.5), 4
 _DAMPING, _MOST_DAMPING = 1e-2, 1e7
 # Deviation of the change of a joint's parameters between recordings, in prior deviations.
 _DRIFT = 2.0
@@ -79,11 +84,16 @@ class Lane:
     active: bool = True
     converged: bool = False
     slow: int = 0
+    kept: int = 0
+    stale: bool = False
 
     @property
     def prior(self) -> float:
         """Squares of x in its own deviations."""
-        return float(self.x @ (self.layout.precision * self.x))
+        return self._prior(self.x)
+
+    def _prior(self, x: np.ndarray) -> float:
+        return float(x @ (self.layout.precision * x))
 
     @property
     def cost(self) -> float:
@@ -95,17 +105,16 @@ class Lane:
         """Squared residual over the noise's, where it is more."""
         return max(1.0, float(self.seen.misfit.sum()) / self.count)
 
-    def objective(self, tau: float) -> float:
+    def _objective(self, x: np.ndarray, square: float) -> float:
         """What is minimised: N ln S, from where the residual's square S is the N of noise.
 
         As if the deviations were known up to a factor, and residuals that are correlated over
         tau samples counted as so many fewer: what the model cannot explain is no reason to
         believe in joints far from what is likely.
         """
-        square = float(self.seen.misfit.sum())
         if square < self.count:
-            return square / tau + self.prior
-        return self.count / tau * (1.0 + math.log(square / self.count)) + self.prior
+            return square / self.tau + self._prior(x)
+        return self.count / self.tau * (1.0 + math.log(square / self.count)) + self._prior(x)
 
     @property
     def normal(self) -> np.ndarray:
@@ -115,13 +124,18 @@ class Lane:
     @property
     def foreseen(self) -> float:
         """Cost after a full step, were residuals linear."""
-        moment = np.einsum("rik,ri->k", self.layout.T, self.seen.moment)
-        moment += self.layout.precision * self.x
+        moment = self._moment
         try:
             found = self.cost - float(moment @ np.linalg.solve(self.normal, moment))
         except np.linalg.LinAlgError:
             return math.inf
         return found if math.isfinite(found) else math.inf
+
+    @property
+    def _moment(self) -> np.ndarray:
+        """Gradient of half the cost."""
+        moment = np.einsum("rik,ri->k", self.layout.T, self.seen.moment)
+        return moment + self.layout.precision * self.x
 
     @property
     def _squares(self) -> np.ndarray:
@@ -142,8 +156,37 @@ class Lane:
             move = step_within(scaled, moment, self.x, border)
             if np.all(np.isfinite(move)) and np.all(np.abs(move[logs]) <= _LEAP):
                 return self.x + move
-            self.damping *= RAISED
+            self.damping *= _RAISED
         return None
+
+    def tried(self, x: np.ndarray, residual: np.ndarray, tolerance: float) -> None:
+        """Go to x if that gains anything, by the residuals there.
+
+        Derivatives are corrected by the step itself as long as the cost falls as they foresaw,
+        and ``stale`` when they have to be worked out again: a search ends with new ones only.
+        """
+        move, square = x - self.x, float(np.sum(residual**2))
+        before = self._objective(self.x, float(self.seen.misfit.sum()))
+        gain = self.tau * (before - self._objective(x, square))
+        if not gain > 0:
+            self.stale = self.kept > 0
+            self.damping *= 1.0 if self.stale else _RAISED
+            return
+        foreseen = -float(move @ (2.0 * self._moment + self.normal @ move))
+        fallen = self.cost - square - self._prior(x)
+        self.seen = self.seen.beside(self.layout.T @ move, residual)
+        self.x, self.tau, self.kept = x, correlation_time(residual), self.kept + 1
+        self.damping = max(self.damping * _EASED, 1e-9)
+        self.slow = self.slow + 1 if gain < tolerance * min(self.cost, self.count) else 0
+        low, high = _AS_FORESEEN
+        well = low * foreseen < fallen < high * foreseen and self.kept < _LONGEST_KEPT
+        if self.slow >= _PATIENCE and (well or self.kept == 1):
+            self.converged, self.active = True, False
+        self.stale = self.active and not (well and self.slow < _PATIENCE)
+
+    def renewed(self, seen: Seen) -> None:
+        """Take derivatives worked out where it is."""
+        self.seen, self.kept, self.stale = seen, 0, False
 
     def theta(self, x: np.ndarray) -> np.ndarray:
         """Values of each recording."""

@@ -1,19 +1,24 @@
-"""Residuals of hypotheses at some values, with their derivatives."""
+"""Residuals of hypotheses at some values, with their derivatives or without."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from iwanjax.discrepancy import sensitivity
+from iwanjax.discrepancy.prediction import Predictor
 from iwanjax.discrepancy.search import Hypothesis, Search
-from iwanjax.discrepancy.sensitivity import reduced
+from iwanjax.discrepancy.sensitivity import Joint
+from iwanjax.discrepancy.suspects import Suspects
 
 # Kernels that run at once, of one hypothesis each: as many to a kernel are no quicker together.
 _THREADS = 2
+
+_Found = TypeVar("_Found")
 
 
 class Seen(NamedTuple):
@@ -31,35 +36,104 @@ class Seen(NamedTuple):
     moment: np.ndarray
     normal: np.ndarray
     residual: np.ndarray
-    slopes: Array
+    slopes: np.ndarray
+
+    def beside(self, move: np.ndarray, residual: np.ndarray) -> "Seen":
+        r"""What is seen after a move, derivatives corrected only by what it has shown.
+
+        .. math:: J' = J + \frac{(\Delta e - J u)(Wu)^T}{u^T W u},
+
+        Broyden's update (1965) with W the squares of J's columns, so that units do not matter.
+
+        Parameters
+        ----------
+        move : (recordings, directions) array
+            u.
+        residual : (recordings, N, sensors) array
+            After it.
+        """
+        R, V = move.shape
+        J = self.slopes.reshape(R, V, -1)
+        weighed = np.einsum("rii->ri", self.normal) * move
+        square = np.einsum("ri,ri->r", weighed, move)
+        share = weighed / np.where(square > 0, square, np.inf)[:, None]
+        e = residual.reshape(R, -1)
+        surprise = e - self.residual.reshape(R, -1) - np.einsum("rin,ri->rn", J, move)
+        J = J + share[:, :, None] * surprise[:, None]
+        return Seen(
+            np.einsum("rn,rn->r", e, e),
+            np.einsum("rin,rn->ri", J, e),
+            J @ np.swapaxes(J, 1, 2),
+            residual,
+            J.reshape(self.slopes.shape),
+        )
 
 
 def evaluate(
     search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
 ) -> list[Seen]:
     """Residuals and their reduced derivatives, for (hypothesis, theta of each recording)."""
-    means = np.stack([theta.mean(axis=0) for _, theta in lanes])
-    gains = search.gains([h.suspects for h, _ in lanes], means, cycles)
+    if not lanes:
+        return []
+    gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles)
 
     def run(i: int) -> Seen:
-        hypothesis, theta = lanes[i]
-        found = reduced(
-            search.predictor,
-            search.joints,
-            hypothesis.suspects,
-            jnp.asarray(theta),
-            jnp.asarray(gains.gain[i]),
-            jnp.asarray(gains.slope[i]),
-            search.data,
-        )
-        e, cost, moment, normal = (np.asarray(x) for x in found[:4])
-        return Seen(cost, moment, normal, e, found.J)
+        gain, slope = jnp.asarray(gains.gain[i]), jnp.asarray(gains.slope[i])
+        found = sensitivity.reduced(*_fixed(search, *lanes[i]), gain, slope, search.data)
+        e, cost, moment, normal, J = (np.asarray(x) for x in found)
+        return Seen(cost, moment, normal, e, J)
 
-    # The first alone where the kernel is yet to be compiled: two would both do it.
-    slots = lanes[0][0].suspects.row.shape[0]
-    alone = 0 if slots in search.compiled else 1
+    return _each(search, "derivatives", lanes, run)
+
+
+def glance(
+    search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
+) -> list[np.ndarray]:
+    """Residuals alone, for a tenth of the price."""
+    return [residual for residual, _ in _glanced(search, lanes, cycles)]
+
+
+def innovations(
+    search: Search, hypothesis: Hypothesis, theta: np.ndarray, cycles: float
+) -> np.ndarray:
+    """Measured less predicted, (recordings, N, sensors): all frequencies, no weights."""
+    return _glanced(search, [(hypothesis, theta)], cycles)[0][1]
+
+
+def _glanced(
+    search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles, slopes=False).gain
+
+    def run(i: int) -> tuple[np.ndarray, np.ndarray]:
+        fixed = _fixed(search, *lanes[i])
+        found = sensitivity.residuals(*fixed, jnp.asarray(gains[i]), search.data)
+        return np.asarray(found[0]), np.asarray(found[1])
+
+    return _each(search, "residuals", lanes, run)
+
+
+def _means(lanes: Sequence[tuple[Hypothesis, np.ndarray]]) -> np.ndarray:
+    return np.stack([theta.mean(axis=0) for _, theta in lanes])
+
+
+def _fixed(
+    search: Search, hypothesis: Hypothesis, theta: np.ndarray
+) -> tuple[Predictor, tuple[Joint, ...], Suspects, Array]:
+    return search.predictor, search.joints, hypothesis.suspects, jnp.asarray(theta)
+
+
+def _each(
+    search: Search,
+    kernel: str,
+    lanes: Sequence[tuple[Hypothesis, np.ndarray]],
+    run: Callable[[int], _Found],
+) -> list[_Found]:
+    """All lanes side by side; the first alone while a kernel is compiled: two would both do it."""
+    key = (kernel, lanes[0][0].suspects.row.shape[0])
+    alone = 0 if key in search.compiled else 1
     found = [run(i) for i in range(alone)]
-    search.compiled.add(slots)
+    search.compiled.add(key)
     with ThreadPoolExecutor(_THREADS) as pool:
         return [*found, *pool.map(run, range(alone, len(lanes)))]
 

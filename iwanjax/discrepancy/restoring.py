@@ -11,7 +11,7 @@ from jaxtyping import Array
 from iwanjax.discrepancy.catalogue import ForceKind, Motion
 from iwanjax.discrepancy.fitting import SHORT, Fitted
 from iwanjax.discrepancy.places import Followed
-from iwanjax.discrepancy.residuals import evaluate
+from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.search import Hypothesis, Search
 
 # Bins of the recovered force along the deflection, and the fewest samples of one.
@@ -69,7 +69,7 @@ def restoring_force(
         return None
     kept, theta = search.predictor.kept, best.theta
     gain = search.gains([best.hypothesis.suspects], theta.mean(axis=0)[None], SHORT).gain[0]
-    residual = evaluate(search, [(best.hypothesis, theta)], SHORT)[0].residual
+    (residual,) = glance(search, [(best.hypothesis, theta)], SHORT)
     weight = np.asarray(search.data.weight)
     e = np.where(weight > 0, residual / np.where(weight > 0, weight, 1.0), 0.0)
     row = np.asarray(best.hypothesis.suspects.row)[slot, :kept]

@@ -11,7 +11,7 @@ from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import JointKind, Kind, SensorKind
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
-from iwanjax.discrepancy.residuals import evaluate
+from iwanjax.discrepancy.residuals import evaluate, glance
 from iwanjax.discrepancy.search import Search, Start, drifting_values, free_values
 from iwanjax.discrepancy.trials import trials
 
@@ -179,9 +179,9 @@ def _limits(
         (s.hypothesis, np.hstack([np.tile(s.theta, (search.recordings, 1)), states]))
         for s in starts
     ]
-    seen = evaluate(search, lanes, base.cycles)
+    seen = glance(search, lanes, base.cycles)
     before = float(base.misfit.sum())
     return [
-        (start, 1.0 - float(each.misfit.sum()) / before)
+        (start, 1.0 - float(np.sum(each**2)) / before)
         for start, each in zip(starts, seen, strict=True)
     ]

@@ -95,15 +95,15 @@ class Search:
         To be fitted.
     noise : (sensors,) array
         Deviations.
-    compiled : set of int
-        Numbers of slots that there is a compiled kernel for.
+    compiled : set of (str, int)
+        Kernels that there are already, and for how many slots.
     """
 
     predictor: Predictor
     joints: tuple[Joint, ...]
     data: Data
     noise: np.ndarray
-    compiled: set[int] = field(default_factory=set, repr=False)
+    compiled: set[tuple[str, int]] = field(default_factory=set, repr=False)
     _process: dict[float, float] = field(default_factory=dict, repr=False)
 
     @cached_property

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.discrepancy.band import in_band
 from iwanjax.discrepancy.catalogue import Motion
 from iwanjax.discrepancy.prediction import Data, Predictor
 from iwanjax.discrepancy.suspects import Suspects, Values
@@ -157,7 +158,34 @@ def _weighted(
     data: Data,
 ) -> Array:
     made = joints_at(joints, values.z)
-    return predictor.innovations(made, suspects, values, gain, data) * data.weight
+    return in_band(predictor.innovations(made, suspects, values, gain, data)) * data.weight
+
+
+@eqx.filter_jit
+def residuals(
+    predictor: Predictor,
+    joints: tuple[Joint, ...],
+    suspects: Suspects,
+    theta: Float[Array, "recordings values"],
+    gain: Float[Array, "states sensors"],
+    data: Data,
+) -> tuple[Float[Array, "recordings N sensors"], Float[Array, "recordings N sensors"]]:
+    """Weighted residuals of a hypothesis in each recording, and what they are made of."""
+    parameters = sum(len(joint.given.parameters) for joint in joints)
+    slots = suspects.row.shape[0]
+
+    def one(theta: Array, data: Data) -> tuple[Array, Array]:
+        values = split(theta, parameters, slots)
+        made = joints_at(joints, values.z)
+        innovations = predictor.innovations(made, suspects, values, gain, data)
+        return _whole(in_band(innovations) * data.weight, data), innovations
+
+    return jax.vmap(one)(theta, data)
+
+
+def _whole(e: Array, data: Data) -> Array:
+    """Residuals, far from zero where the run broke down."""
+    return jnp.where(jnp.abs(e) < _BROKEN, e, _BROKEN * (data.weight > 0))
 
 
 @eqx.filter_jit
@@ -187,7 +215,7 @@ def reduced(
 
         # The residual itself is worked out once for all directions.
         e, J = jax.vmap(along, out_axes=(None, 0))(jnp.eye(theta.shape[0]), slope)
-        e = jnp.where(jnp.isfinite(e), e, _BROKEN * (data.weight > 0))
+        e = _whole(e, data)
         J = jnp.where(jnp.isfinite(J), J, 0.0)
         flat = J.reshape(theta.shape[0], -1)
         return Reduced(e, jnp.sum(e**2), flat @ e.ravel(), flat @ flat.T, J)

@@ -13,9 +13,12 @@ from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import ForceKind, Kind, SensorKind
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.prediction import Data, Predictor
+from iwanjax.discrepancy.residuals import innovations
 from iwanjax.discrepancy.search import Search, Start
-from iwanjax.discrepancy.sensitivity import Small, responses, unit_forces
+from iwanjax.discrepancy.sensitivity import Joint, Small, responses, unit_forces
 from iwanjax.discrepancy.sensor_chain import LONGEST_DELAY, change_by_delay
+from iwanjax.discrepancy.suspects import Suspects
 
 # Suspects that a kernel takes at once, and kernels that run at once.
 _LANES, _THREADS = 16, 2
@@ -42,8 +45,22 @@ class Trial(NamedTuple):
     column: np.ndarray
 
 
-class _Lane(NamedTuple):
-    """A trial before it is tried."""
+class Unit(NamedTuple):
+    """A suspect of one shape before it is tried.
+
+    Attributes
+    ----------
+    kind, where
+        What and at which place or sensor.
+    sized : function
+        Of a size, where to begin with it.
+    row : (modes,) array
+        Of the place.
+    force : (recordings, steps) array
+        What it opposes the motion with at size 1.
+    fault : (2, sensors) array
+        Error of each sensor's gain, and samples that it is late.
+    """
 
     kind: ForceKind | SensorKind
     where: str
@@ -78,22 +95,9 @@ def trials(
     sensors : sequence of str
         Labels.
     """
-    # Without suspects no slot either: a slot costs as much as a joint, whatever is in it.
-    acting = bool(base.hypothesis.kinds)
-    suspects = base.hypothesis.suspects if acting else search.empty(0)
-    p = search.parameters
-    values, states = base.theta[:, : base.values if acting else p], base.theta[:, base.values :]
-    mean = base.theta.mean(axis=0)[: base.values]
-    gain = search.gains([base.hypothesis.suspects], mean[None], base.cycles, slopes=False).gain[0]
-    fixed = (search.predictor, search.joints, suspects)
-    at = (jnp.asarray(np.hstack([values, states])), jnp.asarray(gain), search.data)
-    z = mean[:p]
-    lanes = [
-        *_forces(
-            search, kinds, places, z, lambda rows, shapes: unit_forces(*fixed, rows, shapes, *at)
-        ),
-        *_faults(search, kinds, sensors, z),
-    ]
+    fixed, at = _about(search, base)
+    z = base.theta.mean(axis=0)[: search.parameters]
+    lanes = [*units(search, base, kinds, places), *_faults(search, kinds, sensors, z)]
     if not lanes:
         return
     shown = jnp.asarray(_shown(search, base))
@@ -118,16 +122,24 @@ def trials(
         yield Trial(lane.kind, lane.where, lane.sized, column)
 
 
-def _forces(
-    search: Search,
-    kinds: Sequence[Kind],
-    places: Sequence[Place],
-    z: np.ndarray,
-    unit: Callable[[Array, tuple[Array, ...]], tuple[Array, ...]],
-) -> list[_Lane]:
-    """Forces of size 1, of all shapes on the catalogue's small grids."""
+def _about(
+    search: Search, base: Fitted
+) -> tuple[tuple[Predictor, tuple[Joint, ...], Suspects], tuple[Array, Array, Data]]:
+    """What kernels that linearise about a fit take before and after what they are about."""
+    suspects, mean = base.hypothesis.suspects, base.theta.mean(axis=0)[: base.values]
+    gain = search.gains([suspects], mean[None], base.cycles, slopes=False).gain[0]
+    at = (jnp.asarray(base.theta), jnp.asarray(gain), search.data)
+    return (search.predictor, search.joints, suspects), at
+
+
+def units(
+    search: Search, base: Fitted, kinds: Sequence[Kind], places: Sequence[Place]
+) -> list[Unit]:
+    """Forces of size 1 of all kinds at all places, of the shapes on the catalogue's small grids."""
     if not places:
         return []
+    fixed, at = _about(search, base)
+    z = base.theta.mean(axis=0)[: search.parameters]
     grids = [_grid(kind, places) if kind in kinds else [] for kind in search.predictor.kinds]
     widest = [max(map(len, grid), default=0) for grid in grids]
     padded = tuple(
@@ -136,9 +148,9 @@ def _forces(
     )
     rows = np.stack([place.row for place in places])
     blank = np.zeros((len(_SMALL), len(search.noise)))
-    forces = map(np.asarray, unit(jnp.asarray(rows), padded))
+    forces = map(np.asarray, unit_forces(*fixed, jnp.asarray(rows), padded, *at))
     return [
-        _Lane(
+        Unit(
             kind,
             place.label,
             partial(suspicion.force, search, kind, place.label, place.row, z, shape=shape),
@@ -159,7 +171,7 @@ def _grid(kind: ForceKind, places: Sequence[Place]) -> list[tuple[float, ...]]:
 
 def _faults(
     search: Search, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
-) -> list[_Lane]:
+) -> list[Unit]:
     """Errors of the sensors' gains, and delays."""
     row = np.zeros(search.predictor.joints.shape[1])
     still = np.zeros((search.recordings, search.data.push.shape[1] * search.predictor.substeps))
@@ -175,17 +187,12 @@ def _faults(
         for i, label in enumerate(sensors):
             fault = np.zeros((len(_SMALL), len(sensors)))
             fault[_SMALL.index(kind.acts), i] = 1.0
-            lanes.append(_Lane(kind, label, partial(begun, kind, i, label), row, still, fault))
+            lanes.append(Unit(kind, label, partial(begun, kind, i, label), row, still, fault))
     return lanes
 
 
 def _shown(search: Search, base: Fitted) -> np.ndarray:
-    """What the sensors show as predicted, and its change by a delay.
-
-    Nothing at the ends, where it is not compared: the structure is still at rest, or it is over.
-    """
-    weight = np.asarray(search.data.weight)
-    used = weight > 0
-    predicted = np.asarray(search.data.response) - base.residual / np.where(used, weight, 1.0)
-    shown = np.where(used, predicted, 0.0)
+    """What the sensors show as predicted, and its change by a delay."""
+    off = innovations(search, base.hypothesis, base.theta, base.cycles)
+    shown = np.asarray(search.data.response) - off
     return np.stack([shown, change_by_delay(shown)], axis=1)
