@@ -11,8 +11,9 @@ from iwanjax.discrepancy.evidence import evidence, left_by_noise, shares
 from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
 from iwanjax.discrepancy.joint_faults import with_joint_faults
 from iwanjax.discrepancy.pairs import doubled
+from iwanjax.discrepancy.probing import probed
 from iwanjax.discrepancy.ranking import LEAST_GAIN, finalists, missing, ranked
-from iwanjax.discrepancy.residuals import evaluate
+from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.rounds import (
     MIDDLE,
     RACE,
@@ -110,6 +111,8 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     near = [e for e in entries[:_SECOND] if e.fitted.cost < RACE * entries[0].fitted.cost]
     shorts = entries
     entries = again(near, entries[len(near) :], MIDDLE, grounds)
+    if least(nominal, entries).cost > _FAR * left_by_noise(search):
+        entries = probed(search, entries, [c for each in both for c in each], grounds)
     entries = _restarted(search, nominal, entries, grounds, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     nominal = _renominated(search, nominal, entries, grounds)
@@ -196,7 +199,7 @@ def _begun(search: Search, choices: Sequence[Sequence[Start]]) -> list[Start]:
     lanes = [(s.hypothesis, search.still(s.common)) for starts in choices for s in starts]
     if len(lanes) == len(choices):
         return [starts[0] for starts in choices]
-    costs = iter([float(seen.misfit.sum()) for seen in evaluate(search, lanes, SHORT)])
+    costs = iter([float(np.sum(e**2)) for e in glance(search, lanes, SHORT)])
     return [min(starts, key=lambda _: next(costs)) for starts in choices]
 
 

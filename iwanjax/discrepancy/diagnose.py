@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,10 +18,10 @@ from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
 from iwanjax.discrepancy.ranking import containing
-from iwanjax.discrepancy.residuals import evaluate
+from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.restoring import restoring_force
-from iwanjax.discrepancy.rounds import Entry, Grounds
-from iwanjax.discrepancy.search import Search
+from iwanjax.discrepancy.rounds import MIDDLE, Entry, Grounds
+from iwanjax.discrepancy.search import Hypothesis, Search
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspicion import estimates
 from iwanjax.discrepancy.verdict import Diagnosis, Errors, Suspect, alike
@@ -31,8 +32,11 @@ from iwanjax.structures.checks import finite_array
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
-# Steps between samples.
-_SUBSTEPS = 2
+# Steps between samples: the fewest, and the most that are tried.
+_SUBSTEPS, _MOST_SUBSTEPS = 2, 4
+# Angle by which the fastest mode may turn in a step before more steps are compared with it, and
+# their difference that is none beside the noise.
+_TURN, _SAME_AS = 0.7, 0.3
 # Error over the noise's from which on something is left unexplained.
 _UNEXPLAINED = 1.25
 # Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
@@ -114,20 +118,19 @@ def diagnose(
     rows_out = np.stack([finite_array(row, name) for name, row in sensors.items()])
     known = np.full(len(rows_out), np.nan) if noise is None else np.asarray(noise, float)
     _check(recordings, len(rows_in), len(rows_out))
-    made, modal = predictor(
+    joints = tuple(Joint(j, jnp.ones(len(j.parameters))) for j in structure.elements)
+    forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
+    made = partial(
+        predictor,
         structure,
         jnp.asarray(rows_in),
         jnp.asarray(rows_out),
         sampling_rate,
         quantity,
-        tuple(kind for kind in kinds if isinstance(kind, ForceKind)),
-        _SUBSTEPS,
+        forces,
     )
-    sides = _Sides.of(recordings, made, modal, known)
-    joints = tuple(Joint(j, jnp.ones(len(j.parameters))) for j in structure.elements)
+    sides, search, modal = _resolved(made, joints, recordings, known)
     seen = sides.fitted
-    search = Search(made, joints, seen.data, np.median(seen.noise, axis=0))
-    _require_same_units(search, quantity)
     shapes = np.asarray(modal.Phi)
     moving = {name: row @ shapes for name, row in rows.items() if np.any(row @ shapes)}
     states = followed(search)
@@ -205,10 +208,45 @@ def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
     ]
 
 
-def _require_same_units(search: Search, quantity: Quantity) -> None:
+def _resolved(
+    made: Callable[[int], tuple[Predictor, ModalCoordinates]],
+    joints: tuple[Joint, ...],
+    recordings: Sequence[Transient],
+    known: np.ndarray,
+) -> tuple["_Sides", Search, ModalCoordinates]:
+    """What is to be fitted, with as many steps between samples as change no residual any more."""
+
+    def of(substeps: int) -> tuple[_Sides, Search, ModalCoordinates, np.ndarray]:
+        by, modal = made(substeps)
+        sides = _Sides.of(recordings, by, modal, known)
+        noise = np.median(sides.fitted.noise, axis=0)
+        search = Search(by, joints, sides.fitted.data, noise)
+        return sides, search, modal, glance(search, [_given(search)], MIDDLE)[0]
+
+    sides, search, modal, residual = of(_SUBSTEPS)
+    _require_same_units(search)
+    by = search.predictor
+    if math.sqrt(float(np.max(by.omega2))) * float(by.dt) > _TURN:
+        finer = of(_MOST_SUBSTEPS)
+        change = float(np.max(np.sqrt(np.mean((finer[3] - residual) ** 2, axis=(1, 2)))))
+        # Errors of fourth order in the step, of which the finer ones have next to nothing.
+        enough = math.ceil(_SUBSTEPS * (change / _SAME_AS) ** 0.25)
+        if enough >= _MOST_SUBSTEPS:
+            return finer[:3]
+        if enough > _SUBSTEPS:
+            return of(enough)[:3]
+    return sides, search, modal
+
+
+def _given(search: Search) -> tuple[Hypothesis, np.ndarray]:
+    """The model with its joints as given."""
+    return search.nothing(), search.still(np.zeros(search.parameters + 2))
+
+
+def _require_same_units(search: Search) -> None:
     """Refuse recordings that are of quite another size than the forces can have caused."""
-    given = (search.nothing(), search.still(np.zeros(search.parameters + 2)))
-    residual = evaluate(search, [given], math.inf)[0].residual
+    quantity = search.predictor.quantity
+    (residual,) = glance(search, [_given(search)], math.inf)
     weight = np.asarray(search.data.weight)
     measured = np.asarray(search.data.response)[weight > 0]
     predicted = measured - residual[weight > 0] / weight[weight > 0]

@@ -3,6 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from iwanjax.discrepancy.band import OF_NOISE
 from iwanjax.discrepancy.catalogue import ForceKind, Motion, kinds_of
 from iwanjax.discrepancy.evidence import left_by_noise
 from iwanjax.discrepancy.ranking import containing, finalists, missing, ranked
@@ -41,7 +42,7 @@ def order(base: Entry, *entries: Entry) -> list[tuple[str, ...]]:
 
 
 def test_the_noise_leaves_the_share_that_weights_give_it():
-    assert left_by_noise(SEARCH) == pytest.approx(0.9 * N)
+    assert left_by_noise(SEARCH) == pytest.approx(0.9 * OF_NOISE**2 * N)
 
 
 @pytest.mark.parametrize(("cost", "found"), [(0.90, True), (0.96, False)])

@@ -1,0 +1,87 @@
+"""Suspects of any size: what is too strong to be seen from size zero."""
+
+import numpy as np
+
+from iwanjax.discrepancy.catalogue import ForceKind, SensorKind
+from iwanjax.discrepancy.fitting import SHORT, fit_all
+from iwanjax.discrepancy.places import Place
+from iwanjax.discrepancy.residuals import glance
+from iwanjax.discrepancy.rounds import MIDDLE, RACE, STEPS, Entry, Grounds, cost_of
+from iwanjax.discrepancy.screen import Candidate
+from iwanjax.discrepancy.search import Search, Start
+from iwanjax.discrepancy.trials import units
+
+# Places that are probed; largest forces as shares of what would hold the place there; suspects
+# that are refitted, and those of them with a longer memory.
+_PLACES, _SHARES, _REFITTED, _KEPT = 2, (0.03, 0.3, 3.0, 30.0), 4, 2
+
+
+def probed(
+    search: Search, entries: list[Entry], candidates: list[Candidate], grounds: Grounds
+) -> list[Entry]:
+    """All forces at the best places with sizes from weak to overwhelming, the best refitted.
+
+    A place that hits something moves otherwise from then on: neither the size nor the kind of
+    such a force follows from the motion without it.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    entries : list of Entry
+        Suspects with a memory of eight cycles, the best first.
+    candidates : list of Candidate
+        Of the screenings, the most promising of each first.
+    grounds : Grounds
+        What may be suspected.
+
+    Returns
+    -------
+    list of Entry
+        The same and what was found, the best first.
+    """
+    found = [entry.fitted.hypothesis.where[-1] for entry in entries[:1]]
+    labels = dict.fromkeys([*found, *(c.start.hypothesis.where[-1] for c in candidates)])
+    named = {place.label: place for place in grounds.places}
+    places = [named[label] for label in labels if label in named][:_PLACES]
+    if not places or not grounds.in_time():
+        return entries
+    grounds.progress("probing forces of any size")
+    given = Start(search.nothing(), np.zeros(search.parameters + 2))
+    base = fit_all(search, [given], SHORT, 0)[0]
+    starts = [
+        unit.sized(size)
+        for unit in units(search, base, grounds.kinds, places)
+        for size in _sizes(search, unit.kind, named[unit.where], np.max(np.abs(unit.force)))
+    ]
+    left = glance(search, [(s.hypothesis, search.still(s.theta)) for s in starts], SHORT)
+    cost = [float(np.sum(e**2)) for e in left]
+    best: dict[tuple[str, ...], Start] = {}
+    for i in np.argsort(cost):
+        best.setdefault(starts[i].hypothesis.variant, starts[i])
+    for cycles, count in ((SHORT, _REFITTED), (MIDDLE, _KEPT)):
+        some = list(best.values())[:count]
+        fits = fit_all(search, some, cycles, STEPS, race=RACE, in_time=grounds.in_time)
+        fits.sort(key=lambda each: each.cost)
+        best = {each.hypothesis.variant: each.start for each in fits}
+    known = {entry.fitted.hypothesis.variant: entry for entry in entries}
+    for each in fits:
+        rival = known.get(each.hypothesis.variant)
+        if rival is None or each.cost < rival.fitted.cost or rival.fitted.cycles != each.cycles:
+            known[each.hypothesis.variant] = Entry(search, each)
+    return sorted(known.values(), key=cost_of)
+
+
+def _sizes(
+    search: Search, kind: ForceKind | SensorKind, place: Place, largest: float
+) -> list[float]:
+    """Sizes whose largest forces are shares of what the place withstands where it went to."""
+    predictor, kept = search.predictor, search.predictor.kept
+    squares = np.asarray(place.row) ** 2
+    flexibility = np.sum(squares[:kept] / np.asarray(predictor.omega2))
+    flexibility += np.sum(squares[kept:] * np.asarray(predictor.left))
+    whole = place.scales.deflection / flexibility
+    if not 0.0 < largest < np.inf:
+        return []
+    sizes = [share * whole / largest for share in _SHARES]
+    return sizes if kind.positive else [*sizes, *(-size for size in sizes)]

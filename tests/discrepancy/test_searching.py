@@ -1,0 +1,180 @@
+"""The parts of a search: the band compared, finer forces, derivatives that are kept, probing."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import iwanjax as ij
+from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
+from iwanjax.discrepancy.catalogue import CATALOGUE
+from iwanjax.discrepancy.fitting import SHORT, fit_all
+from iwanjax.discrepancy.lanes import Lane, Layout
+from iwanjax.discrepancy.measured import Transient, _finer, prepared
+from iwanjax.discrepancy.places import followed, places_of
+from iwanjax.discrepancy.prediction import predictor
+from iwanjax.discrepancy.probing import probed
+from iwanjax.discrepancy.residuals import Seen, glance
+from iwanjax.discrepancy.rounds import Grounds, screened
+from iwanjax.discrepancy.search import Hypothesis, Search, Start
+from iwanjax.discrepancy.sensitivity import Joint
+from iwanjax.discrepancy.suspects import Suspects
+
+NOTHING = Hypothesis(
+    (),
+    (),
+    Suspects(*(jnp.zeros((1, 1)) for _ in range(2)), jnp.zeros((1, 3, 1)), jnp.zeros(1)),
+)
+
+
+@pytest.mark.parametrize(
+    ("share", "left"), [(0.0, 1.0), (0.1, 1.0), (0.25, 1.0), (0.35, 0.5), (0.45, 0.0)]
+)
+def test_the_band_keeps_what_a_recorder_keeps(share, left):
+    t = np.arange(400)
+    wave = np.cos(2 * np.pi * share * t + 0.3)[:, None]
+    inside = slice(HALF, -HALF)
+    found = np.asarray(in_band(jnp.asarray(wave)))[inside]
+    np.testing.assert_allclose(found, left * wave[inside], atol=5e-3)
+
+
+def test_the_bands_share_of_noise_is_what_it_leaves_of_it():
+    white = np.random.default_rng(0).standard_normal((100_000, 1))
+    left = np.std(np.asarray(in_band(jnp.asarray(white))))
+    # Four standard errors of a deviation from so many values, of which some are correlated.
+    assert left == pytest.approx(OF_NOISE, rel=4.0 / math.sqrt(100_000))
+
+
+@given(st.integers(20, 60), st.integers(2, 9), st.floats(0.0, 0.49))
+def test_between_samples_a_force_is_what_a_filter_let_through(length, times, share):
+    # Whole periods: where a recording ends, nothing acts.
+    frequency = math.floor(share * length) / length
+    wave = lambda t: np.cos(2 * np.pi * frequency * t + 0.7)  # noqa: E731
+    found = _finer(wave(np.arange(length))[:, None], times)[:, 0]
+    np.testing.assert_allclose(found, wave(np.arange(length * times) / times), atol=1e-9)
+
+
+def linear(seed: int, size: int, curved: float = 0.0):
+    """Residuals of some values, and their derivatives."""
+    random = np.random.default_rng(seed)
+    J, e_0 = random.standard_normal((size, 40)), random.standard_normal(40)
+    H = curved * random.standard_normal((size, size, 40))
+
+    def residual(x):
+        return e_0 + x @ J + np.einsum("i,j,ijn->n", x, x, H)
+
+    def seen(x):
+        e = residual(x)
+        D = J + np.einsum("j,ijn->in", x, H + np.swapaxes(H, 0, 1))
+        shaped = e[None, :, None], D[None, :, :, None]
+        return Seen(np.array([e @ e]), (D @ e)[None], (D @ D.T)[None], *shaped)
+
+    return residual, seen
+
+
+@given(st.integers(0, 10**6), st.integers(1, 5))
+def test_derivatives_after_a_step_say_what_the_step_has_shown(seed, size):
+    random = np.random.default_rng(seed)
+    residual, seen = linear(seed, size, curved=0.1)
+    x, move = random.standard_normal((2, size))
+    after = residual(x + move)
+    found = seen(x).beside(move[None], after[None, :, None])
+    change = np.einsum("rv,rvns->rns", move[None], found.slopes)[0, :, 0]
+    np.testing.assert_allclose(change, after - residual(x), atol=1e-9)
+    flat = found.slopes[0, :, :, 0]
+    np.testing.assert_allclose(found.normal[0], flat @ flat.T, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.moment[0], flat @ after, rtol=1e-9, atol=1e-9)
+
+
+@given(st.integers(0, 10**6), st.integers(1, 5))
+def test_derivatives_of_what_is_linear_stay_as_they_are(seed, size):
+    residual, seen = linear(seed, size)
+    x, move = np.random.default_rng(seed).standard_normal((2, size))
+    found = seen(x).beside(move[None], residual(x + move)[None, :, None])
+    np.testing.assert_allclose(found.slopes, seen(x).slopes, atol=1e-9)
+
+
+def searched(seed: int, size: int, curved: float, steps: int = 60) -> tuple[Lane, int]:
+    """A search by itself, and how often it asked for derivatives."""
+    residual, seen = linear(seed, size, curved)
+    x = np.random.default_rng(seed).standard_normal(size)
+    layout = Layout(np.zeros((1, size)), np.eye(size)[None], np.full(size, 1e-3))
+    lane, asked = Lane(NOTHING, layout, 0, 40, x, seen(x)), 1
+    for _ in range(steps):
+        if lane.stale:
+            lane.renewed(seen(lane.x))
+            asked += 1
+        x = lane.proposed()
+        if x is None or not lane.active:
+            break
+        lane.tried(x, residual(x)[None, :, None], 1e-8)
+    return lane, asked
+
+
+@given(st.integers(0, 10**6), st.integers(1, 4), st.sampled_from([0.0, 0.02, 0.1]))
+def test_a_search_ends_where_the_gradient_does(seed, size, curved):
+    lane, _ = searched(seed, size, curved)
+    assert lane.converged or lane.proposed() is None
+    _, seen = linear(seed, size, curved)
+    at = seen(lane.x)
+    gradient = at.moment[0] + 1e-3 * lane.x
+    scale = np.sqrt(np.diag(at.normal[0]) * at.misfit[0])
+    assert np.all(np.abs(gradient) < 2e-2 * scale)
+
+
+def test_derivatives_of_what_is_nearly_linear_are_hardly_asked_for():
+    assert searched(1, 4, 0.0)[1] <= 2
+    assert searched(1, 4, 1e-3)[1] <= 3
+
+
+RATE, N = 1024.0, 500
+
+
+def struck(gap: float, stiffness: float) -> np.ndarray:
+    """A mass on a spring with a joint that hits a stop: small steps, its own code."""
+    fine = 64
+    dt = 1.0 / (RATE * fine)
+    d = v = 0.0
+    found = np.zeros(N)
+    for i in range(N * fine):
+        t = i * dt
+        if i % fine == 0:
+            push = pulse(t)
+            stop = stiffness * max(d - gap, 0.0)
+            found[i // fine] = push - 6e4 * d - 2.5 * v - stop
+        stop = stiffness * max(d - gap, 0.0)
+        v += dt * (pulse(t) - 6e4 * d - 2.5 * v - stop)
+        d += dt * v
+    return found[:, None]
+
+
+def pulse(t):
+    return 80.0 * math.sin(math.pi * (t - 0.06) / 0.012) ** 2 if 0.06 < t < 0.072 else 0.0
+
+
+def test_a_hard_stop_is_found_by_probing():
+    one = np.ones((1, 1))
+    joint = ij.Iwan4(F_S=1e3, K_T=3e4, chi=-0.5, beta=1.5)
+    model = ij.JointedStructure(
+        ij.LinearStructure(one, 2.5 * one, 3e4 * one), {"J1": (np.ones(1), joint)}
+    )
+    kinds = tuple(k for name in ("cubic_stiffness", "gap_contact") for k in CATALOGUE[name])
+    made, modal = predictor(
+        model, jnp.asarray(one), jnp.asarray(one), RATE, "acceleration", kinds, 2
+    )
+    response = struck(3e-4, 3e6)
+    force = np.array([[pulse(i / RATE)] for i in range(N)])
+    noise = np.array([1e-3 * np.std(response)])
+    seen = prepared([Transient("rec", response, force)], made, modal, noise, N, 1)
+    search = Search(made, (Joint(joint, jnp.full(4, 1e-3)),), seen.data, noise)
+    row = {"J1": np.ones(1) @ np.asarray(modal.Phi)}
+    places = places_of(search, followed(search), row)
+    grounds = Grounds(kinds, places, ("a1",), ("J1",), lambda: True, lambda line: None)
+    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
+    found = probed(search, [], screened(search, base, grounds), grounds)
+    (before,) = glance(search, [(search.nothing(), search.still(np.zeros(6)))], 8.0)
+    assert found[0].fitted.hypothesis.kinds[0].name == "gap_contact"
+    assert found[0].fitted.cost < 0.02 * np.sum(before**2)
