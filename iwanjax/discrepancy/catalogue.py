@@ -309,6 +309,11 @@ for _kind in _KINDS:
     CATALOGUE[_kind.name] = (*CATALOGUE.get(_kind.name, ()), _kind)
 
 
+def shipped(kind: Kind) -> bool:
+    """Whether a kind is one of the package's own."""
+    return any(kind is own for own in _KINDS)
+
+
 def register_kind(kind: ForceKind) -> None:
     """Make a kind of one's own take part in every diagnosis.
 

@@ -1,7 +1,7 @@
 """Compiled kernels: residuals of many hypotheses with their derivatives, reduced where made."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.band import in_band
-from iwanjax.discrepancy.catalogue import Motion
+from iwanjax.discrepancy.catalogue import Motion, shipped
 from iwanjax.discrepancy.prediction import Data, Predictor
 from iwanjax.discrepancy.suspects import Suspects, Values
 from iwanjax.joints import AbstractJoint, ParameterInfo
+from iwanjax.kernels import Kept
 from iwanjax.types import Scalar
 
 # Deviations of the joints' parameters about the values that the model was given: of the
@@ -161,7 +162,21 @@ def _weighted(
     return in_band(predictor.innovations(made, suspects, values, gain, data)) * data.weight
 
 
-@eqx.filter_jit
+def _compiled_in(predictor: Predictor, joints: tuple[Joint, ...], *others: Any) -> str | None:
+    """What is in a kernel beside arrays; None with physics of the user's own, which may change."""
+    kinds, made = predictor.kinds, [type(joint.given).__module__ for joint in joints]
+    if not all(map(shipped, kinds)) or not all(x.startswith("iwanjax.") for x in made):
+        return None
+    names = [(kind.name, kind.variant) for kind in kinds]
+    shape = jax.tree.structure((joints, others))
+    return f"{names} {predictor.quantity} {predictor.substeps} {shape}"
+
+
+def _kept(function: Callable[..., Any]) -> Kept:
+    return Kept(function, _compiled_in)
+
+
+@_kept
 def residuals(
     predictor: Predictor,
     joints: tuple[Joint, ...],
@@ -188,7 +203,7 @@ def _whole(e: Array, data: Data) -> Array:
     return jnp.where(jnp.abs(e) < _BROKEN, e, _BROKEN * (data.weight > 0))
 
 
-@eqx.filter_jit
+@_kept
 def reduced(
     predictor: Predictor,
     joints: tuple[Joint, ...],
@@ -198,7 +213,7 @@ def reduced(
     slope: Float[Array, "values states sensors"],
     data: Data,
 ) -> Reduced:
-    """Residuals of a hypothesis in each recording, with derivatives in theta.
+    """Residuals of a hypothesis in each recording, with derivatives in theta, as a tuple.
 
     ``slope`` is how the observer's gain, designed for each theta, changes with it.
     """
@@ -244,7 +259,7 @@ class Small(NamedTuple):
     shown: Float[Array, "recordings 2 N sensors"]
 
 
-@eqx.filter_jit
+@_kept
 def unit_forces(
     predictor: Predictor,
     joints: tuple[Joint, ...],
@@ -287,7 +302,7 @@ def unit_forces(
     return jax.vmap(one)(theta, data)
 
 
-@eqx.filter_jit
+@_kept
 def responses(
     predictor: Predictor,
     joints: tuple[Joint, ...],
@@ -296,7 +311,7 @@ def responses(
     theta: Float[Array, "recordings values"],
     gain: Float[Array, "states sensors"],
     data: Data,
-) -> Float[Array, "lanes recordings N sensors"]:
+) -> tuple[Float[Array, "lanes recordings N sensors"]]:
     """What small forces and faults of sensors would change in the residuals."""
     parameters = sum(len(joint.given.parameters) for joint in joints)
     slots = suspects.row.shape[0]
@@ -316,4 +331,4 @@ def responses(
         return jax.vmap(along)(small.row, force, small.fault)
 
     each = jax.vmap(one, in_axes=(0, 1, 0, 0), out_axes=1)
-    return each(theta, small.force, small.shown, data)
+    return (each(theta, small.force, small.shown, data),)

@@ -111,7 +111,7 @@ def trials(
             jnp.asarray(np.stack([lane.fault for lane in padded])),
             shown,
         )
-        found = responses(*fixed, small, *at)
+        (found,) = responses(*fixed, small, *at)
         return np.asarray(found).reshape(_LANES, -1)[: len(own)]
 
     # The first alone, for two would both compile the kernel.

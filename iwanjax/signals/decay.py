@@ -5,7 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.errors import InputError
-from iwanjax.signals.filters import analytic_signal, band_pass_gain, settling_time
+from iwanjax.signals.filters import (
+    analytic_signal,
+    band_pass_gain,
+    require_resolved,
+    settling_time,
+)
 
 # A rise of the envelope by this factor above its lowest value so far, and by this many times
 # the lowest root mean square of so many blocks, is a new contact.
@@ -51,6 +56,7 @@ def decay_span(
         if value is not None and not 0.0 <= value <= duration:
             raise InputError(f"{name} = {value:g} s lies outside the record, 0 to {duration:g} s")
     stop = x.size if end is None else round(end * sampling_rate)
+    require_resolved(band, sampling_rate, x.size)
     settled = int(np.ceil(settling_time(band, order) * sampling_rate))
     if start is not None:
         first = round(start * sampling_rate)

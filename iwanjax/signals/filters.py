@@ -54,6 +54,24 @@ def settling_time(band: tuple[float, float], order: int) -> float:
     return float(step * np.argmax(beyond < _SETTLED))
 
 
+def require_resolved(band: tuple[float, float], sampling_rate: float, count: int) -> None:
+    """Refuse a band so narrow that its filter rings longer than so many samples last.
+
+    Before anything of the filter is worked out: its kernel might take gigabytes.
+
+    Raises
+    ------
+    InputError
+        For such a band.
+    """
+    finest = sampling_rate / count
+    if band[1] - band[0] < finest:
+        raise InputError(
+            f"band [{band[0]:g}, {band[1]:g}] Hz is narrower than the {finest:.3g} Hz that a "
+            f"recording of {count / sampling_rate:.3g} s resolves; expected a wider one"
+        )
+
+
 def analytic_signal(
     signal: np.ndarray, sampling_rate: float, band: tuple[float, float], order: int = 3
 ) -> np.ndarray:
@@ -85,12 +103,7 @@ def analytic_signal(
         For a band so narrow that the filter rings longer than the signal lasts.
     """
     count = signal.size
-    finest = sampling_rate / count
-    if band[1] - band[0] < finest:
-        raise InputError(
-            f"band [{band[0]:g}, {band[1]:g}] Hz is narrower than the {finest:.3g} Hz that a "
-            f"recording of {count / sampling_rate:.3g} s resolves; expected a wider one"
-        )
+    require_resolved(band, sampling_rate, count)
     padded = 1 << int(np.ceil(np.log2(count + settling_time(band, order) * sampling_rate)))
     spectrum = np.fft.rfft(signal, padded)
     gain = band_pass_gain(np.fft.rfftfreq(padded, 1.0 / sampling_rate), band, order)

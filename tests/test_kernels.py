@@ -1,0 +1,90 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from iwanjax.kernels import Kept
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """An empty place for kernels."""
+    before = jax.config.values["jax_compilation_cache_dir"]
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    yield tmp_path
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+def traced(name=lambda *arguments: "a"):
+    """A function that is kept, and the list that it leaves a mark in whenever it is traced."""
+    marks = []
+
+    def function(x, scale):
+        marks.append(x.shape)
+        return jnp.sin(x) * scale, x.sum()
+
+    return Kept(function, name), marks
+
+
+X = jnp.linspace(0.0, 1.0, 5)
+
+
+def kernels(folder):
+    return sorted(folder.glob("*.kernel"))
+
+
+def test_another_process_need_not_trace_it(folder):
+    first, marks = traced()
+    expected = first(X, 2.0)
+    again, none = traced()
+    found = again(X, 2.0)
+    assert (len(marks), none) == (1, [])
+    np.testing.assert_array_equal(found[0], np.sin(X) * 2.0)
+    np.testing.assert_array_equal(found[1], expected[1])
+    assert len(kernels(folder)) == 1
+
+
+def test_whatever_is_compiled_in_tells_kernels_apart(folder):
+    kept, marks = traced()
+    np.testing.assert_allclose(kept(X, 2.0)[0], np.sin(X) * 2.0)
+    np.testing.assert_allclose(kept(X, 3.0)[0], np.sin(X) * 3.0)
+    np.testing.assert_allclose(kept(X[:3], 3.0)[0], np.sin(X[:3]) * 3.0)
+    kept(X, 3.0)
+    other, more = traced(lambda *arguments: "b")
+    other(X, 3.0)
+    assert (len(marks), len(more), len(kernels(folder))) == (3, 1, 4)
+
+
+def test_arrays_are_none_of_it(folder):
+    kept, marks = traced()
+    for scale in (2.0, 3.0):
+        for array in (jnp.asarray, np.asarray):
+            np.testing.assert_allclose(kept(array(X), jnp.asarray(scale))[0], np.sin(X) * scale)
+    assert len(marks) == 1
+
+
+@pytest.mark.parametrize("broken", [b"", b"no pickle", None])
+def test_what_cannot_be_loaded_is_made_again(folder, broken):
+    traced()[0](X, 2.0)
+    (place,) = kernels(folder)
+    place.write_bytes(place.read_bytes()[:-100] if broken is None else broken)
+    again, marks = traced()
+    np.testing.assert_allclose(again(X, 2.0)[0], np.sin(X) * 2.0)
+    assert len(marks) == 1
+    after, none = traced()
+    after(X, 2.0)
+    assert none == []
+
+
+def test_without_a_name_nothing_is_kept(folder):
+    kept, marks = traced(lambda *arguments: None)
+    kept(X, 2.0)
+    assert (len(marks), kernels(folder)) == (1, [])
+
+
+def test_without_a_place_for_it_a_kernel_is_made_all_the_same(folder):
+    jax.config.update("jax_compilation_cache_dir", str(folder / "missing"))
+    kept, _ = traced()
+    np.testing.assert_allclose(kept(X, 2.0)[0], np.sin(X) * 2.0)
+    jax.config.update("jax_compilation_cache_dir", None)
+    np.testing.assert_allclose(traced()[0](X, 2.0)[0], np.sin(X) * 2.0)
