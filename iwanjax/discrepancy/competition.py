@@ -10,6 +10,7 @@ import numpy as np
 from iwanjax.discrepancy.evidence import evidence, left_by_noise, shares
 from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
 from iwanjax.discrepancy.joint_faults import with_joint_faults
+from iwanjax.discrepancy.macroslip import in_the_middle
 from iwanjax.discrepancy.pairs import doubled
 from iwanjax.discrepancy.probing import probed
 from iwanjax.discrepancy.ranking import LEAST_GAIN, finalists, missing, ranked
@@ -134,8 +135,10 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         base, first = ranked(base, entries[:count])
         # What a longer memory does not bear out was an error of the model's own.
         detected = missing(base, first[0])
+        first = [replace(e, fitted=in_the_middle(e.search, e.fitted)) for e in first]
         floor = min((e.behind for e in first), default=0.0)
         entries = [*first, *(replace(e, behind=min(e.behind, floor)) for e in entries[count:])]
+    base = replace(base, fitted=in_the_middle(base.search, base.fitted))
     scores = tuple(
         Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
         for c in candidates

@@ -145,7 +145,7 @@ def diagnose(
     table = competition.run(search, grounds, seed)
     progress("predicting the held-out recordings")
     before = sides.free(table.nominal)
-    after = sides.free(table.best)
+    after = sides.free(table.best) if table.detected else before
     fitted = after[0]
     unknown = untried(fitted.relative / fitted.floor)
     what = _suspects(table, 1.0 - unknown) if table.detected else []

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from iwanjax.discrepancy.lanes import begun
+from iwanjax.discrepancy.lanes import Lane, begun, resumed
 from iwanjax.discrepancy.residuals import evaluate, glance
 from iwanjax.discrepancy.search import Hypothesis, Search, Start
 
@@ -149,18 +149,36 @@ def fit_all(
         found = glance(search, [(lane.hypothesis, lane.theta(x)) for lane, x in tried], cycles)
         for (lane, x), residual in zip(tried, found, strict=True):
             lane.tried(x, residual, tolerance)
-    return [
-        Fitted(
-            lane.hypothesis,
-            lane.theta(lane.x),
-            lane.x,
-            lane.seen.misfit,
-            lane.cost,
-            lane.normal,
-            lane.seen.residual,
-            cycles,
-            lane.converged,
-            search.parameters + 2 * len(lane.hypothesis.sizes),
-        )
-        for lane in lanes
-    ]
+    return [_fitted(lane, cycles) for lane in lanes]
+
+
+def moved(search: Search, fitted: Fitted, change: np.ndarray) -> Fitted:
+    """A fit with other joints and everything else as it was, and what is seen there.
+
+    Parameters
+    ----------
+    search : Search
+        That it was fitted with.
+    fitted : Fitted
+        To start from.
+    change : (parameters,) array
+        Of z.
+    """
+    lane = resumed(search, fitted.start, fitted.x, change, fitted.cycles)
+    lane.converged = fitted.converged
+    return _fitted(lane, fitted.cycles)
+
+
+def _fitted(lane: Lane, cycles: float) -> Fitted:
+    return Fitted(
+        lane.hypothesis,
+        lane.theta(lane.x),
+        lane.x,
+        lane.seen.misfit,
+        lane.cost,
+        lane.normal,
+        lane.seen.residual,
+        cycles,
+        lane.converged,
+        lane.joints + 2 * len(lane.hypothesis.sizes),
+    )

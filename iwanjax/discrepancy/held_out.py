@@ -10,8 +10,9 @@ import numpy as np
 from iwanjax.discrepancy.band import OF_NOISE
 from iwanjax.discrepancy.evidence import covariance
 from iwanjax.discrepancy.fitting import Fitted
+from iwanjax.discrepancy.macroslip import Alternative, alternatives
 from iwanjax.discrepancy.measured import Prepared
-from iwanjax.discrepancy.residuals import evaluate
+from iwanjax.discrepancy.residuals import evaluate, glance
 from iwanjax.discrepancy.search import Search, drifting_values, free_values
 
 
@@ -29,7 +30,8 @@ class Free(NamedTuple):
     noise : (recordings,) array
         Mean square that the sensors' noise and the forces' leave, summed over the samples.
     unsure : (recordings,) array
-        The same of what the fitted recordings leave open of the parameters, linearised.
+        The same of what the fitted recordings leave open of the parameters: linearised, and of
+        where macroslip begins.
     """
 
     names: tuple[str, ...]
@@ -84,7 +86,8 @@ def free_run(
     order : sequence of int
         Places of the recordings that were fitted.
     """
-    parts = [_free(search, fitted, each, places, order) for each, places in batches]
+    other = alternatives(search, fitted)
+    parts = [_free(search, fitted, other, each, places, order) for each, places in batches]
     return joined(parts)
 
 
@@ -98,6 +101,7 @@ def joined(parts: Sequence[Free]) -> Free:
 def _free(
     search: Search,
     fitted: Fitted,
+    other: Sequence[Alternative],
     those: Prepared,
     places: Sequence[int],
     order: Sequence[int],
@@ -120,6 +124,13 @@ def _free(
     open_to = np.einsum("rins,rjns->rij", slopes, slopes)
     k = len(shared)
     unsure = np.einsum("rij,ij->r", open_to, covariance(search, fitted)[:k, :k])
+    p = search.parameters
+    moved = np.tile(rows, (len(other), 1, 1))
+    moved[:, :, :p] += np.array([each.change for each in other]).reshape(-1, 1, p)
+    residuals = glance(here, [(fitted.hypothesis, each) for each in moved], math.inf)
+    for each, residual in zip(other, residuals, strict=True):
+        change = (residual - seen.residual)[:count] / safe
+        unsure = unsure + each.weight * np.sum(change**2, axis=(1, 2))
     return Free(
         those.names, seen.residual[:count] / safe, np.where(weight > 0, y, 0.0), own, unsure
     )

@@ -246,6 +246,17 @@ def _leaping(hypothesis: Hypothesis, layout: Layout) -> np.ndarray:
     return logs
 
 
+def resumed(search: Search, start: Start, x: np.ndarray, change: np.ndarray, cycles: float) -> Lane:
+    """A search where another ended, the joints moved from there."""
+    layout, _ = _laid_out(search, start)
+    there = x.copy()
+    there[: len(change)] += change
+    (seen,) = evaluate(search, [(start.hypothesis, layout.base + layout.T @ there)], cycles)
+    count = int(np.count_nonzero(np.asarray(search.data.weight)))
+    tau = correlation_time(seen.residual)
+    return Lane(start.hypothesis, layout, search.parameters, count, there, seen, tau)
+
+
 def begun(search: Search, starts: Sequence[Start], cycles: float) -> list[Lane]:
     """Searches at their beginning."""
     laid_out = [_laid_out(search, start) for start in starts]

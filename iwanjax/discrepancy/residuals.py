@@ -103,6 +103,8 @@ def innovations(
 def _glanced(
     search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
+    if not lanes:
+        return []
     gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles, slopes=False).gain
 
     def run(i: int) -> tuple[np.ndarray, np.ndarray]:
