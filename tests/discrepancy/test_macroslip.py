@@ -21,20 +21,27 @@ RATE, N = 1024.0, 700
 TRUE = ij.Iwan4(F_S=20.0, K_T=3e4, chi=-0.5, beta=1.5)
 
 
+def iwan(joints: tuple[Joint, ...], z) -> ij.Iwan4:
+    """The only joint at z."""
+    (found,) = joints_at(joints, jnp.asarray(z))
+    assert isinstance(found, ij.Iwan4)
+    return found
+
+
 @given(
     st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4),
     st.floats(-1.0, 1.0),
 )
 def test_another_macroslip_leaves_the_microslip_as_it_is(z, farther):
     joint = Joint(TRUE, jnp.ones(4))
-    (fit,) = joints_at((joint,), jnp.asarray(z))
+    fit = iwan((joint,), z)
     found = _beyond(joint, fit, np.array(z), farther)
     # Without a last slider left there is nothing to begin later.
     strongest = (1.0 + float(fit.beta)) * math.exp(-farther * (1.0 + float(fit.chi))) - 1.0
     assert (found is None) == (strongest <= 0)
     if found is None or strongest < 1e-3:
         return
-    (moved,) = joints_at((joint,), jnp.asarray(found))
+    moved = iwan((joint,), found)
     for name in ("K_T", "chi", "R"):
         assert float(getattr(moved, name)) == pytest.approx(float(getattr(fit, name)), rel=1e-9)
     ratio = float(moved.phi_max / fit.phi_max)
@@ -79,11 +86,11 @@ def fitted(peak: float, F_S: float):
 
 def test_macroslip_is_open_where_it_was_never_reached():
     search, fit = fitted(15.0, 12.0)
-    joint = joints_at(search.joints, fit.theta[0, :4])[0]
+    joint = iwan(search.joints, fit.theta[0, :4])
     found = alternatives(search, fit)
     assert sum(each.weight for each in found if each.farther > 0) > 0.3
     middle = in_the_middle(search, fit)
-    moved = joints_at(search.joints, middle.theta[0, :4])[0]
+    moved = iwan(search.joints, middle.theta[0, :4])
     assert float(moved.phi_max) >= float(joint.phi_max)
     assert float(moved.R) == pytest.approx(float(joint.R), rel=1e-9)
     # Where it is makes no difference to what was recorded: less than noise does.
