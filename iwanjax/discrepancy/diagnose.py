@@ -18,7 +18,7 @@ from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
 from iwanjax.discrepancy.ranking import containing
-from iwanjax.discrepancy.residuals import glance
+from iwanjax.discrepancy.residuals import glance, innovations
 from iwanjax.discrepancy.restoring import restoring_force
 from iwanjax.discrepancy.rounds import MIDDLE, Entry, Grounds
 from iwanjax.discrepancy.search import Hypothesis, Search
@@ -246,12 +246,11 @@ def _given(search: Search) -> tuple[Hypothesis, np.ndarray]:
 def _require_same_units(search: Search) -> None:
     """Refuse recordings that are of quite another size than the forces can have caused."""
     quantity = search.predictor.quantity
-    (residual,) = glance(search, [_given(search)], math.inf)
-    weight = np.asarray(search.data.weight)
-    measured = np.asarray(search.data.response)[weight > 0]
-    predicted = measured - residual[weight > 0] / weight[weight > 0]
+    seen = np.asarray(search.data.weight) > 0
+    measured = np.asarray(search.data.response)[seen]
+    predicted = measured - innovations(search, *_given(search), math.inf)[seen]
     ratio = math.sqrt(float(np.mean(measured**2) / np.mean(predicted**2)))
-    if not 1.0 / _OTHER_UNITS < ratio < _OTHER_UNITS:
+    if math.isfinite(ratio) and not 1.0 / _OTHER_UNITS < ratio < _OTHER_UNITS:
         raise InputError(
             f"recordings: the measured {quantity} is {ratio:.2g} times what the model predicts "
             "from the forces; are forces, responses and matrices in one system of units?"

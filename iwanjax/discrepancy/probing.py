@@ -77,11 +77,13 @@ def _sizes(
 ) -> list[float]:
     """Sizes whose largest forces are shares of what the place withstands where it went to."""
     predictor, kept = search.predictor, search.predictor.kept
-    squares = np.asarray(place.row) ** 2
-    flexibility = np.sum(squares[:kept] / np.asarray(predictor.omega2))
+    squares, omega2 = np.asarray(place.row) ** 2, np.asarray(predictor.omega2)
+    # A rigid body withstands nothing: what holds it is its inertia.
+    elastic = omega2 > 0.0
+    flexibility = np.sum(squares[:kept][elastic] / omega2[elastic])
     flexibility += np.sum(squares[kept:] * np.asarray(predictor.left))
-    whole = place.scales.deflection / flexibility
-    if not 0.0 < largest < np.inf:
+    if not (0.0 < largest < np.inf and flexibility > 0.0):
         return []
+    whole = place.scales.deflection / flexibility
     sizes = [share * whole / largest for share in _SHARES]
     return sizes if kind.positive else [*sizes, *(-size for size in sizes)]
