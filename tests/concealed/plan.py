@@ -117,7 +117,7 @@ BEAM: Listed = (
     ("brake_reuss", (("stiffness_error", "opening3", MEDIUM),)),
     ("brake_reuss", (("sensor_delay", "a9", MEDIUM),)),
 )
-FINAL: Listed = (
+THIRD: Listed = (
     ("oscillator", (("cubic_stiffness", "J1", WEAK),)),
     ("chain2", (("quadratic_stiffness", "m2-ground", MEDIUM),)),
     ("chain2", (("mass_error", "m2-ground", PLAIN),)),
@@ -151,13 +151,67 @@ FINAL: Listed = (
 )
 EMPTY = ("oscillator", "chain2", "chain3", "chain4", "chain6", "lap_beam") * 3
 """Structures of the cases without an effect, in the first two sets."""
+BUILT = (*("chain2", "chain3", "chain4", "chain5", "chain6", "lap_beam") * 2, "brake_reuss")
+"""Structures that a drawn case may be of: larger ones are rarer, as they take longer."""
+FORCES = (
+    "stiffness_error",
+    "mass_error",
+    "viscous_damping",
+    "cubic_stiffness",
+    "quadratic_stiffness",
+    "gap_contact",
+    "bilinear_stiffness",
+    "coulomb_friction",
+    "iwan_joint",
+    "quadratic_damping",
+    "viscoelastic",
+)
+OF_JOINTS = ("stiction", "joint_drift")
+OF_SENSORS = ("sensor_gain", "sensor_delay", "sensor_saturation", "sensor_polarity")
+DRAWN_EMPTY = (*STRUCTURES, *STRUCTURES, "chain2", "chain3", "chain6", "lap_beam")
 EMPTY_BEAMS = ("brake_reuss", "brake_reuss")
-EMPTY_FINAL = (
+EMPTY_THIRD = (
     *("oscillator", "chain2", "chain3", "chain4", "chain5", "chain6", "lap_beam", "brake_reuss")
     * 2,
     "chain3",
     "lap_beam",
 )
+
+
+def _place(structure: Structure, kind: str, rng: np.random.Generator) -> str:
+    """Where an effect acts: nothing parallel to a joint or over the clamped part of a beam."""
+    if kind in OF_JOINTS:
+        return str(rng.choice(list(structure.joints)))
+    if kind in OF_SENSORS:
+        return str(rng.choice(list(structure.sensors)))
+    among = [row for row in structure.rows if "-" in row]
+    grounded = [row for row in among if row.endswith("ground")]
+    return str(rng.choice(grounded if kind == "mass_error" else among))
+
+
+def _drawn(seed: int, singles: int, pairs: int) -> Listed:
+    """Effects drawn at random, every kind at least once, so that nobody has chosen them.
+
+    Two oscillators' effects are among the singles. Pairs are of different kinds and of medium
+    strength.
+    """
+    rng = np.random.default_rng([11, seed])
+    every = [*FORCES, *OF_JOINTS, *OF_SENSORS]
+    kinds = [*every, *rng.choice(every, singles - 2 - len(every))]
+    listed: list[tuple[str, tuple[Wanted, ...]]] = [
+        ("oscillator", ((str(kind), "J1", str(rng.choice([PLAIN, MEDIUM]))),))
+        for kind in rng.choice(["cubic_stiffness", "gap_contact", "quadratic_damping"], 2)
+    ]
+    for kind in map(str, kinds):
+        name = str(rng.choice(BUILT))
+        strength = str(rng.choice([PLAIN, MEDIUM, WEAK]))
+        listed.append((name, ((kind, _place(STRUCTURES[name], kind, rng), strength),)))
+    for _ in range(pairs):
+        name = str(rng.choice(BUILT))
+        first, second = map(str, rng.choice(every, 2, replace=False))
+        wanted = [(k, _place(STRUCTURES[name], k, rng), MEDIUM) for k in (first, second)]
+        listed.append((name, tuple(wanted)))
+    return tuple(listed)
 
 
 def _hits(structure: Structure, rng: np.random.Generator) -> tuple[Hit, ...]:
@@ -241,9 +295,10 @@ SETS = {
         *_set(BEAM, EMPTY_BEAMS, 2, range(96, 101)),
     ],
     "opened": _set(OPENED, EMPTY, 1, range(1, 96, 2)),
-    "final": _set(FINAL, EMPTY_FINAL, 3, range(101, 149)),
+    "third": _set(THIRD, EMPTY_THIRD, 3, range(101, 149)),
+    "final": _set(_drawn(4, 26, 4), DRAWN_EMPTY, 4, range(150, 200)),
 }
-"""Cases of each set: for development, held back until they were opened, still held back."""
+"""Cases of each set: for development, two held back until they were opened, still held back."""
 
 
 def plan() -> tuple[Case, ...]:
