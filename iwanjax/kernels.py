@@ -31,8 +31,8 @@ class Kept:
     function : function
         Pure, of positional arguments; gives a tuple of arrays.
     name : function
-        Arguments -> what of them is compiled in beside the shapes of their arrays, in words
-        that are the same in every process; None where there are none.
+        Arguments -> what of them is compiled in beside numbers, words and the shapes of arrays,
+        in words that are the same in every process; None where there are none.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Kept:
         dynamic, static = eqx.partition(arguments, lambda x: isinstance(x, (jax.Array, np.ndarray)))
         leaves, structure = jax.tree.flatten(dynamic)
         shapes = [(x.shape, str(x.dtype)) for x in leaves]
-        values = jax.tree.leaves(static)
+        values = [x for x in jax.tree.leaves(static) if isinstance(x, (bool, int, float, str))]
         told = f"{self._function.__qualname__} {name} {values} {shapes} {_surroundings()}"
         key = hashlib.sha256(told.encode()).hexdigest()
         if key not in self._kernels:
@@ -62,6 +62,8 @@ class Kept:
                 given = eqx.combine(jax.tree.unflatten(structure, leaves), static)
                 return tuple(self._function(*given))
 
+            # A name of its own in JAX's cache too: what was loaded from there cannot be kept again.
+            flat.__name__ = f"iwanjax_{key}"
             place = Path(folder) / f"iwanjax-{key}.kernel"
             self._kernels[key] = _read(place) or _made(flat, leaves, place)
         return self._kernels[key](*leaves)
@@ -69,29 +71,34 @@ class Kept:
 
 def _read(place: Path) -> Callable[..., tuple[Any, ...]] | None:
     """The kernel that is kept there, if it can be loaded."""
-    from jax.experimental.serialize_executable import deserialize_and_load
-
     try:
-        return deserialize_and_load(*pickle.loads(place.read_bytes()))
+        return _loaded(place.read_bytes())
     # Whatever is wrong with what was kept: it can be made again.
     except Exception:
         return None
 
 
+def _loaded(whole: bytes) -> Callable[..., tuple[Any, ...]]:
+    from jax.experimental.serialize_executable import deserialize_and_load
+
+    return deserialize_and_load(*pickle.loads(whole))
+
+
 def _made(
     flat: Callable[..., tuple[Any, ...]], leaves: Sequence[Any], place: Path
 ) -> Callable[..., tuple[Any, ...]]:
-    """Compile a kernel, and keep it if it can be."""
+    """Compile a kernel, and keep it if it still runs after it was kept."""
     from jax.experimental.serialize_executable import serialize
 
     compiled = jax.jit(flat).lower(*leaves).compile()
     try:
         whole = pickle.dumps(serialize(compiled))
+        jax.block_until_ready(_loaded(whole)(*leaves))
         with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:
             file.write(whole)
         Path(file.name).replace(place)
     # Not every backend can, nor every disk.
-    except (ValueError, TypeError, OSError, NotImplementedError):
+    except (ValueError, TypeError, OSError, NotImplementedError, jax.errors.JaxRuntimeError):
         pass
     return compiled
 

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import numpy.typing as npt
+from jax import dtypes
 from jax.core import Tracer
 from jaxtyping import Array
 
@@ -32,7 +33,7 @@ _warned_single_precision = False
 
 def double_precision() -> bool:
     """Whether JAX computes in float64 in this session."""
-    return jnp.zeros(()).dtype == np.float64
+    return dtypes.canonicalize_dtype(float) == np.float64
 
 
 def warn_single_precision() -> None:
@@ -90,7 +91,7 @@ def as_real(value: ArrayLike, name: str) -> Array:
     """
     warn_single_precision()
     if is_traced(value):
-        return jnp.asarray(value, dtype=jnp.zeros(()).dtype)
+        return jnp.asarray(value, dtype=dtypes.canonicalize_dtype(float))
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -102,9 +103,9 @@ def as_real(value: ArrayLike, name: str) -> Array:
         raise InputError(f"{name} holds {bad} NaN or infinite value(s); expected finite numbers")
     # A number stays a number inside a traced function too.
     with jax.ensure_compile_time_eval():
-        return jnp.asarray(array, dtype=jnp.zeros(()).dtype)
+        return jnp.asarray(array, dtype=dtypes.canonicalize_dtype(float))
 
 
 def real(value: ArrayLike) -> Array:
     """A real array of the session's precision; NaN passes, so that a missing point stays one."""
-    return jnp.asarray(value, dtype=jnp.zeros(()).dtype)
+    return jnp.asarray(value, dtype=dtypes.canonicalize_dtype(float))

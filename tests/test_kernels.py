@@ -88,3 +88,19 @@ def test_without_a_place_for_it_a_kernel_is_made_all_the_same(folder):
     np.testing.assert_allclose(kept(X, 2.0)[0], np.sin(X) * 2.0)
     jax.config.update("jax_compilation_cache_dir", None)
     np.testing.assert_allclose(traced()[0](X, 2.0)[0], np.sin(X) * 2.0)
+
+
+def test_what_came_from_the_compilers_own_cache_is_made_again_or_runs(folder):
+    """A kernel that JAX has loaded itself loses its functions when it is kept a second time."""
+    least = jax.config.values["jax_persistent_cache_min_compile_time_secs"]
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    try:
+        traced()[0](X, 2.0)
+        for _ in range(2):
+            for place in kernels(folder):
+                place.unlink()
+            jax.clear_caches()
+            for _ in range(2):
+                np.testing.assert_allclose(traced()[0](X, 2.0)[0], np.sin(X) * 2.0)
+    finally:
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", least)

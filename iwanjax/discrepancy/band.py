@@ -16,6 +16,13 @@ OF_NOISE = float(np.sqrt(np.sum(_TAPS**2)))
 """Share of white noise's deviation that is in the band."""
 
 
+def passed(size: int) -> np.ndarray:
+    """Share of each frequency of a real Fourier transform of so many samples that is in it."""
+    wide = np.zeros(size)
+    wide[_AT] = _TAPS
+    return np.fft.rfft(wide).real
+
+
 def in_band(e: Float[Array, "N sensors"]) -> Float[Array, "N sensors"]:
     """What of a signal is in the band, without delay; zeros before and after it."""
     wide = jnp.pad(e, [(HALF, HALF), (0, 0)])

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from iwanjax.discrepancy import competition
@@ -118,13 +118,13 @@ def diagnose(
     rows_out = np.stack([finite_array(row, name) for name, row in sensors.items()])
     known = np.full(len(rows_out), np.nan) if noise is None else np.asarray(noise, float)
     _check(recordings, len(rows_in), len(rows_out))
-    joints = tuple(Joint(j, jnp.ones(len(j.parameters))) for j in structure.elements)
+    joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
     forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
     made = partial(
         predictor,
         structure,
-        jnp.asarray(rows_in),
-        jnp.asarray(rows_out),
+        jax.device_put(rows_in),
+        jax.device_put(rows_out),
         sampling_rate,
         quantity,
         forces,

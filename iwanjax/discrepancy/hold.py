@@ -1,8 +1,7 @@
 """One step of linear modes under forces that are parabolas over it."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -29,10 +28,11 @@ class Hold(NamedTuple):
 
     def pushed(self, p: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         """What forces, (modes, ...) a coefficient, add to both."""
-        return (
-            sum((on(b, x) for b, x in zip(self.q_by, p, strict=True)), jnp.zeros(())),
-            sum((on(b, x) for b, x in zip(self.v_by, p, strict=True)), jnp.zeros(())),
-        )
+        return _added(self.q_by, p), _added(self.v_by, p)
+
+
+def _added(by: tuple[Array, Array, Array], p: tuple[Array, Array, Array]) -> Array:
+    return on(by[0], p[0]) + on(by[1], p[1]) + on(by[2], p[2])
 
 
 def on(coefficient: Array, x: Array) -> Array:
@@ -81,9 +81,9 @@ def hold(omega2: Float[np.ndarray, " modes"], C: Float[np.ndarray, "*modes"], dt
     )
     E = np.stack([scipy.linalg.expm(each) for each in F])
 
-    def part(i: int, j: int, factor: float) -> Array:
+    def part(i: int, j: int, factor: float) -> Any:
         block = factor * E[:, i * size : (i + 1) * size, j * size : (j + 1) * size]
-        return jnp.asarray(block[0] if coupled else block[:, 0, 0])
+        return block[0] if coupled else block[:, 0, 0]
 
     # The force's second derivative is twice its last coefficient.
     return Hold(

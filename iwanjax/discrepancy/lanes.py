@@ -238,7 +238,7 @@ def _leaping(hypothesis: Hypothesis, layout: Layout) -> np.ndarray:
     at = 0
     for slot, (size, shape) in enumerate(zip(hypothesis.sizes, hypothesis.shapes, strict=True)):
         if size:
-            logs[free[at]] = bool(hypothesis.suspects.logarithmic[slot] > 0)
+            logs[free[at]] = bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
             at += 1
         if shape:
             logs[free[at]] = True

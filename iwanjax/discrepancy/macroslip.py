@@ -3,13 +3,14 @@
 import math
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from iwanjax.discrepancy.evidence import evidence
 from iwanjax.discrepancy.fitting import Fitted, moved
 from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.search import Search
-from iwanjax.discrepancy.sensitivity import Joint, joints_at, located
+from iwanjax.discrepancy.sensitivity import Joint, joints_of, located
 from iwanjax.joints import Iwan4
 
 # Logarithms of the deflections at which macroslip may begin, over that of the fit: the steps
@@ -80,7 +81,7 @@ def _by_joint(search: Search, fitted: Fitted) -> list[list[Alternative]]:
     """Alternatives of each joint that has some, the nearest macroslip first."""
     p = search.parameters
     z = fitted.theta.mean(axis=0)[:p]
-    made, first, found = joints_at(search.joints, z), 0, []
+    made, first, found = joints_of(search.joints, jax.device_put(z)), 0, []
     for fit, joint in zip(made, search.joints, strict=True):
         count = len(joint.given.parameters)
         own = slice(first, first + count)

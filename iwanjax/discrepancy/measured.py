@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -129,7 +129,12 @@ def prepared(
         For recordings that are not finite, and those whose forces are all zero.
     """
     rows, noises, warnings = [], [], []
-    cycles = math.sqrt(np.max(made.omega2)) * float(made.dt) * made.substeps / (2.0 * math.pi)
+    cycles = (
+        math.sqrt(np.max(np.asarray(made.omega2)))
+        * float(made.dt)
+        * made.substeps
+        / (2.0 * math.pi)
+    )
     beside = _RINGING if cycles > _HIGH else _BESIDE
     for each in recordings:
         _check(each)
@@ -157,7 +162,7 @@ def prepared(
     filled = [rows[i % len(rows)] for i in range(count)]
     push, response, weight, kick, unsure = (np.stack(x) for x in zip(*filled, strict=True))
     weight[len(rows) :] = 0.0
-    data = Data(*(jnp.asarray(x) for x in (push, response, weight, kick, unsure)))
+    data = Data(*jax.device_put((push, response, weight, kick, unsure)))
     names = tuple(each.name for each in recordings)
     return Prepared(names, data, np.stack(noises), tuple(warnings))
 
@@ -257,23 +262,19 @@ def _pushed(made: Predictor, modal: ModalCoordinates, force: np.ndarray) -> np.n
     between = _finer(force, fine)
     by = hold(np.asarray(made.omega2), np.asarray(made.C), part)
     for k in range(steps):
-        q = v = jnp.zeros((kept, len(near)))
+        q: Any = np.zeros((kept, len(near)))
+        v: Any = q
         for j in range(k * _PARTS, (k + 1) * _PARTS):
             first = (near - 1) * fine + 2 * j
             f_0, f_half, f_1 = (W[:kept] @ between[first + i].T for i in range(3))
             q, v = by.free(q, v)
-            more_q, more_v = by.pushed(
-                (
-                    jnp.asarray(f_0),
-                    jnp.asarray(4.0 * f_half - 3.0 * f_0 - f_1),
-                    jnp.asarray(2.0 * (f_0 - 2.0 * f_half + f_1)),
-                )
-            )
+            p: Any = f_0, 4.0 * f_half - 3.0 * f_0 - f_1, 2.0 * (f_0 - 2.0 * f_half + f_1)
+            more_q, more_v = by.pushed(p)
             q, v = q + more_q, v + more_v
         end = between[(near - 1) * fine + 2 * _PARTS * (k + 1)] @ W.T
         # Outside its pulse what is between the samples only rings.
         end = np.where(acts[near, None], end, 0.0)
-        push[near, k] = np.concatenate([np.asarray(q).T, np.asarray(v).T, end], axis=1)
+        push[near, k] = np.concatenate([q.T, v.T, end], axis=1)
     return push
 
 

@@ -61,10 +61,12 @@ def _beside(search: Search, first: Fitted, grounds: Grounds) -> tuple[list[Fitte
     """Pairs that explain much more than a suspect alone, and those of the best that do alone."""
     if not grounds.in_time():
         return [], []
+    noise, table = left_by_noise(search), evidence(search, [first])
+    # No second suspect takes more than what exceeds the noise.
+    if (1.0 - noise / first.cost) * table.worth(first) < _margin(table, first):
+        return [], []
     grounds.progress(f"looking for more beside {first.hypothesis.label}")
-    noise = left_by_noise(search)
     candidates = screened(search, first, grounds)
-    table = evidence(search, [first])
     promise = candidates[0].drop * table.worth(first) if candidates else 0.0
     if first.cost < MISFIT * noise and promise < _margin(table, first):
         return [], []

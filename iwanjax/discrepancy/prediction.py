@@ -429,19 +429,20 @@ def predictor(
         Steps between samples.
     """
     modal = modal_coordinates(structure, inputs, sensors, None)
-    omega2, C = np.asarray(modal.omega2), np.asarray(modal.C)
+    omega2, C, Y = np.asarray(modal.omega2), np.asarray(modal.C), np.asarray(modal.Y)
     kept = max(1, int(np.sum(omega2 < (2.0 * np.pi * _HIGHEST * sampling_rate) ** 2)))
     part = (slice(kept),) * C.ndim
     dt = 1.0 / (sampling_rate * substeps)
+    # Sliced by NumPy: every operation of JAX outside a kernel is compiled for itself.
     made = Predictor(
-        modal.omega2[:kept],
-        modal.C[part],
+        jax.device_put(omega2[:kept]),
+        jax.device_put(C[part]),
         modal.P,
-        modal.Y[:, :kept],
-        1.0 / modal.omega2[kept:],
+        jax.device_put(Y[:, :kept]),
+        jax.device_put(1.0 / omega2[kept:]),
         modal.stiffness,
-        hold(omega2[:kept], C[part], dt),
-        jnp.asarray(dt),
+        jax.device_put(hold(omega2[:kept], C[part], dt)),
+        jax.device_put(np.asarray(dt)),
         kinds,
         quantity,
         substeps,

@@ -13,8 +13,9 @@ LEAST_GAIN = 12.0
 is nothing before the data, as many suspects are tried and no model is free of errors."""
 # Squared residual of a kind over that of its limit from which on it does not explain as much.
 _AS_MUCH = 1.02
-# Entries that are fitted to the free run, by evidence.
-_FINALISTS = 3
+# Entries that are fitted to the free run, by evidence; and how far behind they may be to change
+# places there: a longer memory finds errors of the model's own, not other evidence of that size.
+_FINALISTS, _HOPE = 3, 100.0
 
 
 def finalists(base: Entry, entries: Sequence[Entry]) -> list[Entry]:
@@ -24,7 +25,8 @@ def finalists(base: Entry, entries: Sequence[Entry]) -> list[Entry]:
     """
     same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
     chosen = dict.fromkeys([*entries[:_FINALISTS], *sorted(same, key=cost_of)[:1]])
-    return [e for e in chosen if e.fitted.cost < RACE * entries[0].fitted.cost]
+    near = [e for e in chosen if e.fitted.cost < RACE * entries[0].fitted.cost]
+    return [e for e in near if e is entries[0] or e.behind > entries[0].behind - _HOPE]
 
 
 def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, TypeVar
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Array
 
@@ -78,8 +78,8 @@ def evaluate(
     gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles)
 
     def run(i: int) -> Seen:
-        gain, slope = jnp.asarray(gains.gain[i]), jnp.asarray(gains.slope[i])
-        found = sensitivity.reduced(*_fixed(search, *lanes[i]), gain, slope, search.data)
+        fixed, gain, slope = _fixed(search, *lanes[i]), gains.gain[i], gains.slope[i]
+        found = sensitivity.reduced(*fixed, gain, slope, search.data)
         e, cost, moment, normal, J = (np.asarray(x) for x in found)
         return Seen(cost, moment, normal, e, J)
 
@@ -109,7 +109,7 @@ def _glanced(
 
     def run(i: int) -> tuple[np.ndarray, np.ndarray]:
         fixed = _fixed(search, *lanes[i])
-        found = sensitivity.residuals(*fixed, jnp.asarray(gains[i]), search.data)
+        found = sensitivity.residuals(*fixed, gains[i], search.data)
         return np.asarray(found[0]), np.asarray(found[1])
 
     return _each(search, "residuals", lanes, run)
@@ -122,7 +122,7 @@ def _means(lanes: Sequence[tuple[Hypothesis, np.ndarray]]) -> np.ndarray:
 def _fixed(
     search: Search, hypothesis: Hypothesis, theta: np.ndarray
 ) -> tuple[Predictor, tuple[Joint, ...], Suspects, Array]:
-    return search.predictor, search.joints, hypothesis.suspects, jnp.asarray(theta)
+    return search.predictor, search.joints, hypothesis.suspects, jax.device_put(theta)
 
 
 def _each(

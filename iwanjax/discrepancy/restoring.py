@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.discrepancy.catalogue import ForceKind, Motion
+from iwanjax.discrepancy.catalogue import ForceKind, Motion, shipped
 from iwanjax.discrepancy.fitting import SHORT, Fitted
 from iwanjax.discrepancy.places import Followed
 from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.search import Hypothesis, Search
+from iwanjax.kernels import Kept
 
 # Bins of the recovered force along the deflection, and the fewest samples of one.
 _BINS, _FEWEST = 25, 4
@@ -116,26 +117,26 @@ def _law(
         if not isinstance(kind, ForceKind) or not np.array_equal(own, row):
             continue
         size, shape = fit.theta.mean(axis=0)[search.parameters + 2 * slot :][:2]
-        if hypothesis.suspects.logarithmic[slot] > 0:
+        if np.asarray(hypothesis.suspects.logarithmic)[slot] > 0:
             size = math.exp(min(size, 700.0))
-        unit = _unit_force(kind, math.exp(min(shape, 700.0)), (d, v, a), dt)
+        moving = np.stack([d, v, a, np.diff(d, prepend=0.0)])
+        fixed = np.asarray(math.exp(min(shape, 700.0))), moving, np.asarray(dt)
+        unit = np.asarray(_forces(kind, *jax.device_put(fixed))[0])
         return kind.name, unit * size * hypothesis.scales[slot]
     return None
 
 
-def _unit_force(
-    kind: ForceKind, shape: float, moving: tuple[np.ndarray, ...], dt: float
-) -> np.ndarray:
-    """Force of size 1 along a motion (d, v, a)."""
+def _unit_force(kind: ForceKind, shape: Array, moving: Array, dt: Array) -> tuple[Array]:
+    """Force of size 1 along a motion, (4, N): d, v, a and the steps of d."""
 
-    def step(memory: Array, at: tuple[Array, Array, Array, Array]) -> tuple[Array, Array]:
-        d, v, a, moved = at
-        motion = Motion(d, v, a, moved, jnp.asarray(dt))
-        unit, memory = kind.unit_force(motion, jnp.asarray(shape), memory)
+    def step(memory: Array, at: Array) -> tuple[Array, Array]:
+        unit, memory = kind.unit_force(Motion(at[0], at[1], at[2], at[3], dt), shape, memory)
         return memory, unit
 
-    d, v, a = (jnp.asarray(x) for x in moving)
-    return np.asarray(jax.lax.scan(step, jnp.zeros(()), (d, v, a, jnp.diff(d, prepend=0.0)))[1])
+    return (jax.lax.scan(step, jnp.zeros(()), moving.T)[1],)
+
+
+_forces = Kept(_unit_force, lambda kind, *_: kind.name if shipped(kind) else None)
 
 
 def _explained(x: np.ndarray, law: np.ndarray) -> float:

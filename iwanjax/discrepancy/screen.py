@@ -1,6 +1,5 @@
 """Which suspects would explain what the joints cannot."""
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -8,15 +7,20 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy import suspicion
+from iwanjax.discrepancy.at_rest import columns_at_rest
 from iwanjax.discrepancy.catalogue import JointKind, Kind, SensorKind
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.residuals import evaluate, glance
 from iwanjax.discrepancy.search import Search, Start, drifting_values, free_values
-from iwanjax.discrepancy.trials import trials
+from iwanjax.discrepancy.trials import columns, faults, units
 
 # Share of the largest value a sensor showed, where it may have been cut: noise lies above.
 _LIMIT = 0.98
+# Share of a column's square below which the joints explain all of it.
+_EXPLAINED = 1e-12
+# Forces that are judged about the motion itself, those that promise most about the state of rest.
+_MOVING = 32
 
 
 class Candidate(NamedTuple):
@@ -47,7 +51,8 @@ def screen(
     With the column h of a suspect's size at zero and the residual e, both less what the joints'
     parameters explain, the squared residual falls by :math:`(h^Te)^2/(h^Th)`. Shapes are
     tried on the small grids of the catalogue; limits of sensors as they are, for they have no
-    derivative at infinity; a drift by the joint's own columns, cut by recordings.
+    derivative at infinity; a drift by the joint's own columns, cut by recordings. Forces that
+    promise little with the joints at rest are judged by that alone.
 
     Parameters
     ----------
@@ -78,7 +83,6 @@ def screen(
     explained = _explained(search, np.concatenate([known, slopes[base.values :]]), len(shared))
     basis, _ = np.linalg.qr(explained)
     whole = np.concatenate([base.residual.ravel(), z, states.ravel()])
-    rest = len(whole) - base.residual.size
     left = whole - basis @ (basis.T @ whole)
     total = float(left @ left)
     best: dict[tuple[str, str], tuple[float, Callable[[], Start]]] = {}
@@ -89,16 +93,33 @@ def screen(
         if key not in best or drop > best[key][0]:
             best[key] = (drop, start)
 
-    for trial in trials(search, base, kinds, places, sensors):
-        h = np.concatenate([trial.column, np.zeros(rest)])
-        h = h - basis @ (basis.T @ h)
-        square = float(h @ h)
-        if not math.isfinite(square) or square <= 0:
-            continue
-        size = -float(h @ left) / square
-        if size != 0 and not (trial.kind.positive and size < 0):
-            drop = float(h @ left) ** 2 / square / total
-            propose(trial.kind, trial.where, drop, partial(trial.sized, size))
+    def rated(made: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes that columns ask for, and their drops."""
+        h = made.reshape(len(made), base.residual.size)
+        square = np.sum(h**2, axis=1) - np.sum((h @ basis[: h.shape[1]]) ** 2, axis=1)
+        toward = -(h @ left[: h.shape[1]])
+        usable = np.isfinite(square) & (square > _EXPLAINED * np.sum(h**2, axis=1))
+        size = np.where(usable, toward, 0.0) / np.where(usable, square, 1.0)
+        return size, size * np.where(usable, toward, 0.0) / total
+
+    forces = units(search, base, kinds, places)
+    sizes, drops = np.zeros((2, len(forces)))
+    if len(forces) > _MOVING:
+        for which, made in columns_at_rest(search, base, forces):
+            sizes[which], drops[which] = rated(made)
+    first = np.argsort(-drops, kind="stable")[:_MOVING]
+    of_sensors = faults(search, kinds, sensors, z)
+    size, drop = rated(columns(search, base, [*(forces[i] for i in first), *of_sensors]))
+    sizes[first], drops[first] = size[: len(first)], drop[: len(first)]
+    rows = zip(
+        [*forces, *of_sensors],
+        [*sizes.tolist(), *size[len(first) :].tolist()],
+        [*drops.tolist(), *drop[len(first) :].tolist()],
+        strict=True,
+    )
+    for unit, size, drop in rows:
+        if size != 0 and not (unit.kind.positive and size < 0):
+            propose(unit.kind, unit.where, drop, partial(unit.sized, size))
     if not others:
         ready = _drifts(search, kinds, joints, known, explained, whole, total, z)
         ready += _limits(search, base, kinds, sensors, z)

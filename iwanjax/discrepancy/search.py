@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import Kind
@@ -125,12 +125,9 @@ class Search:
     def empty(self, slots: int = 1) -> Suspects:
         """No suspects in so many slots."""
         modes, sensors = self.predictor.joints.shape[1], self.predictor.sensors.shape[0]
-        return Suspects(
-            jnp.zeros((slots, modes)),
-            jnp.zeros((slots, len(self.predictor.kinds))),
-            jnp.zeros((slots, 3, sensors)),
-            jnp.zeros(slots),
-        )
+        row, force = np.zeros((slots, modes)), np.zeros((slots, len(self.predictor.kinds)))
+        chain, logarithmic = np.zeros((slots, 3, sensors)), np.zeros(slots)
+        return Suspects(*jax.device_put((row, force, chain, logarithmic)))
 
     def still(self, theta: np.ndarray) -> np.ndarray:
         """The same values for all recordings, or those of each, with no error of the state."""
@@ -170,7 +167,11 @@ class Search:
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
         """State matrix and what the sensors see, of the model as given."""
-        return self._systems([self.empty()], np.zeros((1, self.parameters + 2)))[0]
+        return self.system(self.empty(), np.zeros(self.parameters + 2))
+
+    def system(self, suspects: Suspects, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """State matrix and what the sensors see, with other values and beside suspects."""
+        return self._systems([suspects], values[None])[0]
 
     def _systems(
         self, suspects: Sequence[Suspects], theta: np.ndarray
@@ -181,7 +182,7 @@ class Search:
         for first in range(0, len(theta), _ROWS):
             part = theta[first : first + _ROWS, :p]
             padded = np.vstack([part, np.zeros((_ROWS - len(part), p))])
-            stiffness.append(np.asarray(tangents(self.joints, jnp.asarray(padded)))[: len(part)])
+            stiffness.append(np.asarray(tangents(self.joints, jax.device_put(padded)))[: len(part)])
         found = []
         for own, row, k in zip(suspects, theta, np.concatenate(stiffness), strict=True):
             size = row[p : p + 2 * own.row.shape[0] : 2]

@@ -63,7 +63,7 @@ def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:
             z[i] = (_logit(info, value) - _logit(info, given)) / _of_logit(info, given)
         else:
             z[i] = value / given - 1.0
-        z[i] /= float(joint.loose[i])
+        z[i] /= float(np.asarray(joint.loose)[i])
     return z
 
 
@@ -106,6 +106,10 @@ def joints_at(joints: tuple[Joint, ...], z: Array) -> tuple[AbstractJoint, ...]:
     ends = np.cumsum([len(joint.given.parameters) for joint in joints])
     parts = jnp.split(jnp.asarray(z), ends[:-1])
     return tuple(joint.at(part) for joint, part in zip(joints, parts, strict=True))
+
+
+joints_of = eqx.filter_jit(joints_at)
+"""The same outside of kernels."""
 
 
 @eqx.filter_jit

@@ -1,6 +1,5 @@
 """What faulty sensors make of what faultless ones would show."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -31,7 +30,9 @@ def _delayed(late: Array) -> Array:
 
 def change_by_delay(shown: Float[np.ndarray, "recordings N sensors"]) -> np.ndarray:
     """What sensors would show more for each sample that they are late, from rest."""
-    slopes = np.asarray(jax.jacfwd(_delayed)(jnp.zeros(())))
+    # Of the polynomial through the nodes at the first one.
+    powers = np.vander(np.arange(DELAY_NODES), increasing=True).T
+    slopes = np.linalg.solve(powers, np.eye(DELAY_NODES)[1])
     early = np.pad(shown, [(0, 0), (DELAY_NODES - 1, 0), (0, 0)])
     length = shown.shape[1]
     first = DELAY_NODES - 1

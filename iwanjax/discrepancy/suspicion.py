@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -14,7 +15,8 @@ from iwanjax.discrepancy.evidence import covariance
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.search import Hypothesis, Search, Start, drifting_values, free_values
-from iwanjax.discrepancy.sensitivity import Joint, joints_at, located
+from iwanjax.discrepancy.sensitivity import Joint, joints_of, located
+from iwanjax.discrepancy.suspects import Suspects
 from iwanjax.joints import Iwan4, Iwan5, ParameterInfo
 
 _CHAIN = ("gain", "delay", "limit")
@@ -46,11 +48,8 @@ def force(
     scale = max(abs(size), 1e-300)
     one = np.zeros(suspects.force.shape)
     one[0, search.predictor.kinds.index(kind)] = scale
-    suspects = suspects._replace(
-        row=jnp.asarray(row[None]),
-        force=jnp.asarray(one),
-        logarithmic=jnp.asarray([float(kind.positive)]),
-    )
+    logarithmic = np.array([float(kind.positive)])
+    suspects = Suspects(*jax.device_put((row[None], one, suspects.chain, logarithmic)))
     hypothesis = Hypothesis(
         (kind,), (label,), suspects, (True,), (kind.shape is not None,), None, (scale,)
     )
@@ -67,7 +66,9 @@ def sensor(
     one[0, _CHAIN.index(kind.acts), which] = 1.0
     limit = kind.acts == "limit"
     positive = kind.positive and kind.fixed is None
-    suspects = suspects._replace(chain=jnp.asarray(one), logarithmic=jnp.asarray([float(positive)]))
+    suspects = suspects._replace(
+        chain=jax.device_put(one), logarithmic=jax.device_put(np.array([float(positive)]))
+    )
     dt = float(search.predictor.dt) * search.predictor.substeps
     hypothesis = Hypothesis(
         (kind,),
@@ -97,9 +98,8 @@ def joined(search: Search, starts: Sequence[Start]) -> Start:
     first, p = starts[0], search.parameters
     hypotheses = [start.hypothesis for start in starts]
     drifting = [h.drifting for h in hypotheses if h.drifting is not None]
-    suspects = type(hypotheses[0].suspects)(
-        *(jnp.concatenate(parts) for parts in zip(*(h.suspects for h in hypotheses), strict=True))
-    )
+    arrays = zip(*(h.suspects for h in hypotheses), strict=True)
+    suspects = Suspects(*(jax.device_put(np.concatenate(parts)) for parts in arrays))
     return Start(
         Hypothesis(
             tuple(kind for h in hypotheses for kind in h.kinds),
@@ -123,7 +123,7 @@ def alone(search: Search, start: Start, slot: int) -> Start:
         Hypothesis(
             h.kinds[part],
             h.where[part],
-            type(h.suspects)(*(x[part] for x in h.suspects)),
+            Suspects(*(jax.device_put(np.asarray(x)[part]) for x in h.suspects)),
             h.sizes[part],
             h.shapes[part],
             h.drifting if drifts else None,
@@ -148,7 +148,7 @@ def with_stiction(
     order = [joint, *(i for i in range(len(search.joints)) if i != joint)]
     given = search.joints[joint].given
     values = {info.name: getattr(given, info.name) for info in given.parameters}
-    loose = jnp.array([*np.ones(len(values)), _LOOSE_THETA])
+    loose = jax.device_put(np.array([*np.ones(len(values)), _LOOSE_THETA]))
     stuck = Joint(Iwan5(**values, theta=thetas[0]), loose)
     joints = (stuck, *(search.joints[i] for i in order[1:]))
     at = jnp.asarray(order)
@@ -238,7 +238,7 @@ def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]
     if isinstance(kind, JointKind):
         return _of_joint(search, fitted, kind, deviation)
     size, scale = theta[first], hypothesis.scales[slot]
-    logarithmic = bool(hypothesis.suspects.logarithmic[slot] > 0)
+    logarithmic = bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
     value = scale * (math.exp(min(size, 700.0)) if logarithmic else size)
     spread = abs(value) if logarithmic else scale
     shape = math.exp(min(theta[first + 1], 700.0))
@@ -269,14 +269,14 @@ def _of_joint(
         )
     stuck = kind.name == "stiction"
     places = [4] if stuck else list(range(search.parameters - 4, search.parameters))
-    joints = joints_at(search.joints, jnp.asarray(theta[: search.parameters]))
+    joints = joints_of(search.joints, jax.device_put(theta[: search.parameters]))
     joint = joints[0 if stuck else -1]
     step = 1e-4
     found = []
     for info, place in zip(kind.parameters, places, strict=True):
         moved = theta[: search.parameters].copy()
         moved[place] += step
-        other = joints_at(search.joints, jnp.asarray(moved))[0 if stuck else -1]
+        other = joints_of(search.joints, jax.device_put(moved))[0 if stuck else -1]
         value = float(getattr(joint, info.name))
         slope = (float(getattr(other, info.name)) - value) / step
         found.append(Estimate(info, value, abs(slope) * deviation(place)))

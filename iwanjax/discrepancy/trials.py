@@ -1,11 +1,11 @@
 """Every suspect at size zero: what a little of it would change in the residuals."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Array
 
@@ -24,25 +24,6 @@ from iwanjax.discrepancy.suspects import Suspects
 _LANES, _THREADS = 16, 2
 # What small errors of a sensor are: of its gain, or of its time.
 _SMALL = ("gain", "delay")
-
-
-class Trial(NamedTuple):
-    """A suspect of one shape.
-
-    Attributes
-    ----------
-    kind, where
-        What and at which place or sensor.
-    sized : function
-        Of a size, where to begin with it.
-    column : (recordings x N x sensors,) array
-        Change of the residuals for size 1, linearised at zero.
-    """
-
-    kind: ForceKind | SensorKind
-    where: str
-    sized: Callable[[float], Start]
-    column: np.ndarray
 
 
 class Unit(NamedTuple):
@@ -70,14 +51,8 @@ class Unit(NamedTuple):
     fault: np.ndarray
 
 
-def trials(
-    search: Search,
-    base: Fitted,
-    kinds: Sequence[Kind],
-    places: Sequence[Place],
-    sensors: Sequence[str],
-) -> Iterator[Trial]:
-    """Forces of all kinds at all places, and errors of all sensors.
+def columns(search: Search, base: Fitted, lanes: Sequence[Unit]) -> np.ndarray:
+    """Changes of the residuals for suspects of size 1, linearised at zero.
 
     The model is linearised once, about what it predicts with the joints as fitted: a force is
     then one that is known beforehand, and a fault one of what was measured.
@@ -88,38 +63,30 @@ def trials(
         Predictor and data.
     base : Fitted
         The model with its joints refitted, and the suspects found so far.
-    kinds : sequence of Kind
-        To be tried.
-    places : sequence of Place
-        Where forces may act.
-    sensors : sequence of str
-        Labels.
+    lanes : sequence of Unit
+        What is suspected.
+
+    Returns
+    -------
+    (lanes, recordings, N, sensors) array
     """
     fixed, at = _about(search, base)
-    z = base.theta.mean(axis=0)[: search.parameters]
-    lanes = [*units(search, base, kinds, places), *_faults(search, kinds, sensors, z)]
-    if not lanes:
-        return
-    shown = jnp.asarray(_shown(search, base))
+    shown = jax.device_put(_shown(search, base))
 
     def run(first: int) -> np.ndarray:
         own = lanes[first : first + _LANES]
         padded = [*own, *[own[-1]] * (_LANES - len(own))]
-        small = Small(
-            jnp.asarray(np.stack([lane.row for lane in padded])),
-            jnp.asarray(np.stack([lane.force for lane in padded])),
-            jnp.asarray(np.stack([lane.fault for lane in padded])),
-            shown,
-        )
-        (found,) = responses(*fixed, small, *at)
-        return np.asarray(found).reshape(_LANES, -1)[: len(own)]
+        arrays = zip(*((lane.row, lane.force, lane.fault) for lane in padded), strict=True)
+        row, force, fault = jax.device_put(tuple(map(np.stack, arrays)))
+        (found,) = responses(*fixed, Small(row, force, fault, shown), *at)
+        return np.asarray(found)[: len(own)]
 
+    if not lanes:
+        return np.zeros((0, *search.data.response.shape))
     # The first alone, for two would both compile the kernel.
     first = run(0)
     with ThreadPoolExecutor(_THREADS) as pool:
-        columns = [first, *pool.map(run, range(_LANES, len(lanes), _LANES))]
-    for lane, column in zip(lanes, np.concatenate(columns), strict=True):
-        yield Trial(lane.kind, lane.where, lane.sized, column)
+        return np.concatenate([first, *pool.map(run, range(_LANES, len(lanes), _LANES))])
 
 
 def _about(
@@ -128,7 +95,7 @@ def _about(
     """What kernels that linearise about a fit take before and after what they are about."""
     suspects, mean = base.hypothesis.suspects, base.theta.mean(axis=0)[: base.values]
     gain = search.gains([suspects], mean[None], base.cycles, slopes=False).gain[0]
-    at = (jnp.asarray(base.theta), jnp.asarray(gain), search.data)
+    at = (*jax.device_put((base.theta, gain)), search.data)
     return (search.predictor, search.joints, suspects), at
 
 
@@ -143,12 +110,12 @@ def units(
     grids = [_grid(kind, places) if kind in kinds else [] for kind in search.predictor.kinds]
     widest = [max(map(len, grid), default=0) for grid in grids]
     padded = tuple(
-        jnp.asarray([[*row, *[row[-1]] * (w - len(row))] for row in grid]).reshape(len(places), w)
+        np.array([[*row, *[row[-1]] * (w - len(row))] for row in grid]).reshape(len(places), w)
         for grid, w in zip(grids, widest, strict=True)
     )
     rows = np.stack([place.row for place in places])
     blank = np.zeros((len(_SMALL), len(search.noise)))
-    forces = map(np.asarray, unit_forces(*fixed, jnp.asarray(rows), padded, *at))
+    forces = map(np.asarray, unit_forces(*fixed, rows, padded, *at))
     return [
         Unit(
             kind,
@@ -169,7 +136,7 @@ def _grid(kind: ForceKind, places: Sequence[Place]) -> list[tuple[float, ...]]:
     return [kind.shapes(place.scales) if kind.shape else (1.0,) for place in places]
 
 
-def _faults(
+def faults(
     search: Search, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
 ) -> list[Unit]:
     """Errors of the sensors' gains, and delays."""

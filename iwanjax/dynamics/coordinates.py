@@ -1,5 +1,7 @@
 """A jointed structure in the coordinates it is integrated in: modes about a reference stiffness."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -83,10 +85,9 @@ def modal_coordinates(
     """
     linear, B = structure.structure, structure.rows
     stiffness = structure.basis.stiffness
-    omega2, Phi, damping = _modes(linear.M, linear.C, linear.K + (B.T * stiffness) @ B)
+    omega2, Phi, damping = _modes(linear.M, linear.C, linear.K, B, stiffness)
     if not is_traced(damping) and _classical(np.asarray(damping)):
         damping = jnp.diagonal(damping)
-    P, W, Y = B @ Phi, Phi.T @ inputs.T, sensors @ Phi
     kept = omega2.shape[0]
     if modes is not None:
         if is_traced(omega2):
@@ -95,6 +96,22 @@ def modal_coordinates(
         if not 1 <= modes <= kept - rigid:
             raise InputError(f"modes = {modes}; expected 1 to {kept - rigid} elastic modes")
         kept = rigid + modes
+    return _coordinates(omega2, damping, Phi, B, inputs, sensors, stiffness, kept)
+
+
+@partial(jax.jit, static_argnums=7)
+def _coordinates(
+    omega2: Array,
+    damping: Array,
+    Phi: Array,
+    B: Array,
+    inputs: Array,
+    sensors: Array,
+    stiffness: Array,
+    kept: int,
+) -> ModalCoordinates:
+    """What acts on the modes that are kept, and what the others add."""
+    P, W, Y = B @ Phi, Phi.T @ inputs.T, sensors @ Phi
     left = slice(kept, None)
     flexibility = 1.0 / omega2[left]
     P_left, Y_left = P[:, left] * flexibility, Y[:, left] * flexibility
@@ -114,8 +131,9 @@ def modal_coordinates(
 
 
 @jax.jit
-def _modes(M: Array, C: Array, K: Array) -> tuple[Array, Array, Array]:
+def _modes(M: Array, C: Array, K: Array, B: Array, stiffness: Array) -> tuple[Array, Array, Array]:
     """All modes, those of rigid bodies with frequency zero, and the damping between them."""
+    K = K + (B.T * stiffness) @ B
     lower = jnp.linalg.cholesky(M)
     half = jax.lax.linalg.triangular_solve(lower, K, left_side=True, lower=True)
     whole = jax.lax.linalg.triangular_solve(lower, half.T, left_side=True, lower=True)

@@ -10,7 +10,8 @@ import scipy.integrate
 import scipy.linalg
 
 import iwanjax as ij
-from iwanjax.discrepancy import CATALOGUE, suspicion
+from iwanjax.discrepancy import CATALOGUE, suspicion, trials
+from iwanjax.discrepancy.at_rest import columns_at_rest
 from iwanjax.discrepancy.band import in_band
 from iwanjax.discrepancy.fitting import SHORT, fit_all
 from iwanjax.discrepancy.hold import hold
@@ -22,7 +23,6 @@ from iwanjax.discrepancy.residuals import evaluate, innovations
 from iwanjax.discrepancy.search import Search, Start
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.sensor_chain import change_by_delay
-from iwanjax.discrepancy.trials import trials
 
 RATE, N = 1024.0, 600
 ROWS = {"m1": np.array([1.0, 0.0]), "J1": np.array([-1.0, 1.0])}
@@ -184,26 +184,48 @@ def test_a_little_of_a_suspect_changes_what_the_linearised_model_says(
     before = evaluate(made, [(start.hypothesis, base.theta)], cycles)[0].residual
     places = places_of(made, followed(made), {name: row @ Phi for name, row in ROWS.items()})
     kinds = (*made.predictor.kinds, *(CATALOGUE[name][0] for name in faults))
-    found = list(trials(made, base, kinds, places, ("a1", "a2")))
+    z = base.theta.mean(axis=0)[:4]
+    found = [*trials.units(made, base, kinds, places), *trials.faults(made, kinds, ("a1", "a2"), z)]
     assert {(each.kind.name, each.where) for each in found} == {
         *((kind, place) for kind in forces for place in ROWS),
         *((kind, sensor) for kind in faults for sensor in ("a1", "a2")),
     }
-    for each in found:
-        size = 1e-4 * np.linalg.norm(before) / np.linalg.norm(each.column)
+    for each, column in zip(found, trials.columns(made, base, found), strict=True):
+        size = 1e-4 * np.linalg.norm(before) / np.linalg.norm(column)
         little = each.sized(size)
         little = suspicion.joined(made, [start, little]) if acting else little
         after = evaluate(made, [(little.hypothesis, made.still(little.theta))], cycles)[0]
-        change = (after.residual - before).ravel() / size
-        assert np.linalg.norm(change - each.column) < 2e-3 * np.linalg.norm(each.column)
+        change = (after.residual - before) / size
+        assert np.linalg.norm(change - column) < 2e-3 * np.linalg.norm(column)
 
 
 def test_without_kinds_or_places_nothing_is_tried():
     made, Phi = search(0.5 * np.ones((N, 2)), 2)
     base = fit_all(made, [Start(made.nothing(), np.zeros(6))], math.inf, 0)[0]
     places = places_of(made, followed(made), {"m1": ROWS["m1"] @ Phi})
-    assert list(trials(made, base, (CATALOGUE["stiction"][0],), places, ("a1", "a2"))) == []
-    assert list(trials(made, base, made.predictor.kinds, (), ("a1", "a2"))) == []
+    assert trials.units(made, base, (CATALOGUE["stiction"][0],), places) == []
+    assert trials.units(made, base, made.predictor.kinds, ()) == []
+    assert trials.faults(made, made.predictor.kinds, ("a1", "a2"), np.zeros(4)) == []
+    assert trials.columns(made, base, []).shape == (0, 1, N, 2)
+
+
+@pytest.mark.parametrize("quantity", ["acceleration", "velocity"])
+@pytest.mark.parametrize("substeps", [2, 4])
+def test_where_no_joint_slips_responses_are_convolutions(quantity, substeps):
+    made, Phi = search(np.ones((N, 2)), substeps, quantity=quantity, names=("cubic_stiffness",))
+    # As stiff as ever, and so strong that it never slips.
+    strong = ij.Iwan4(F_S=6e9, K_T=3e4, chi=-0.5, beta=1.5)
+    made = replace(made, joints=(Joint(strong, jnp.ones(4)),))
+    base = fit_all(made, [Start(made.nothing(), np.zeros(6))], SHORT, 0)[0]
+    places = places_of(made, followed(made), {name: row @ Phi for name, row in ROWS.items()})
+    forces = trials.units(made, base, made.predictor.kinds, places)
+    exact = trials.columns(made, base, forces).reshape(len(forces), -1)
+    told = 0
+    for which, found in columns_at_rest(made, base, forces):
+        told += len(which)
+        off = np.linalg.norm(found - exact[which], axis=1)
+        assert np.all(off < 0.01 * np.linalg.norm(exact[which], axis=1))
+    assert told == len(forces) > 0
 
 
 def test_a_pair_is_taken_apart_into_what_it_was_joined_of():

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -99,6 +100,8 @@ def test_what_fits_best_goes_on_though_others_are_ahead():
     assert chosen == [*entries[:3], fittest]
     hopeless = entry(20.0, "mass_error@a")
     assert finalists(entry(30.0), [entries[0], hopeless]) == [entries[0]]
+    beaten = replace(entries[1], behind=-200.0)
+    assert finalists(entry(3.0), [entries[0], beaten, entries[2]]) == [entries[0], entries[2]]
 
 
 def test_a_joint_that_its_limit_stands_for_is_told():
