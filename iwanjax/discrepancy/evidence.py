@@ -63,8 +63,11 @@ def log_evidence(
 def covariance(search: Search, fitted: Fitted) -> np.ndarray:
     """Of what was free in a fit, (free, free), by the residual's own size.
 
-    Residuals that are correlated over some samples count as so many fewer.
+    Residuals that are correlated over some samples count as so many fewer. NaN where the model
+    broke down.
     """
+    if not np.all(np.isfinite(fitted.normal)):
+        return np.full_like(fitted.normal, np.nan)
     table = evidence(search, [fitted])
     return table.temperature * table.tau * np.linalg.pinv(fitted.normal)
 

@@ -6,7 +6,7 @@ import pytest
 
 from iwanjax.discrepancy.band import OF_NOISE
 from iwanjax.discrepancy.catalogue import ForceKind, Motion, kinds_of
-from iwanjax.discrepancy.evidence import left_by_noise
+from iwanjax.discrepancy.evidence import covariance, left_by_noise
 from iwanjax.discrepancy.ranking import containing, finalists, missing, ranked
 from iwanjax.discrepancy.rounds import MIDDLE, Entry
 
@@ -44,6 +44,16 @@ def order(base: Entry, *entries: Entry) -> list[tuple[str, ...]]:
 
 def test_the_noise_leaves_the_share_that_weights_give_it():
     assert left_by_noise(SEARCH) == pytest.approx(0.9 * OF_NOISE**2 * N)
+
+
+@pytest.mark.parametrize("broken", [np.inf, np.nan])
+def test_of_a_model_that_broke_down_no_deviation_is_known(broken):
+    normal = np.diag([2.0, broken])
+    known = covariance(SEARCH, SimpleNamespace(**vars(entry(1.0).fitted), normal=normal))
+    assert known.shape == (2, 2)
+    assert np.all(np.isnan(known))
+    known = covariance(SEARCH, SimpleNamespace(**vars(entry(1.0).fitted), normal=np.eye(2)))
+    np.testing.assert_allclose(known, np.eye(2), rtol=0.1)
 
 
 @pytest.mark.parametrize(("cost", "found"), [(0.90, True), (0.96, False)])
