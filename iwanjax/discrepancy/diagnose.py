@@ -39,6 +39,8 @@ _SUBSTEPS, _MOST_SUBSTEPS = 2, 4
 _TURN, _SAME_AS = 0.7, 0.3
 # Error over the noise's from which on something is left unexplained.
 _UNEXPLAINED = 1.25
+# The same over held-out recordings, where parameters count with so many deviations.
+_UNFORESEEN, _DEVIATIONS = 1.5, 2.0
 # Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
 # worth that much.
 _OTHER_UNITS = 100.0
@@ -169,6 +171,7 @@ def diagnose(
             "What was added does not predict the held-out recordings better: take it as a hint"
         )
     warnings += _left(fitted, table.detected, unknown)
+    warnings += _unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what, _ALIKE) if what else ()
     if table.detected:
         indistinguishable += containing(table.best, table.entries)
@@ -205,6 +208,18 @@ def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
     return [
         f"The fitted recordings are still {ratio:.2g} times the noise off, {advice} "
         f"(probability {unknown:.2f})"
+    ]
+
+
+def _unforeseen(held_out: Free) -> list[str]:
+    """What to think of held-out recordings that are off by more than anything accounts for."""
+    ratio = held_out.relative / math.hypot(held_out.floor, _DEVIATIONS * held_out.spread)
+    if ratio < _UNFORESEEN:
+        return []
+    return [
+        f"The held-out recordings are off by {ratio:.2g} times what noise and uncertain parameters "
+        "account for: either something acts only there, or the joints were fitted to the wrong "
+        "end; hold out others and compare"
     ]
 
 

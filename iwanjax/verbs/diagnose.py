@@ -132,7 +132,8 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
     """Captions and pictures, the verdict's own first."""
     drawn = [
         (
-            "Errors of every recording, and how far the rivals are behind.",
+            "Errors of every recording"
+            + (", and how far the rivals are behind." if verdict.detected else "."),
             "diagnosis",
             plot_diagnosis(verdict),
         )
@@ -164,11 +165,12 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
 def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> Section:
     """What a verdict rests on: its pictures and its tables."""
     curves = isinstance(verdict.runs[0], CurveRun)
+    models = ("Joints refitted", "With the first suspect")[: 1 + verdict.detected]
     recordings = Table(
-        ("Recording", "Joints refitted", "With the first suspect"),
+        ("Recording", *models),
         tuple(
-            (name, f"{before:.3g}", f"{after:.3g}" if verdict.detected else "–")
-            for name, (before, after) in verdict.by_recording.items()
+            (name, *(f"{error:.3g}" for error in errors[: len(models)]))
+            for name, errors in verdict.by_recording.items()
         ),
         "Root mean square of predicted less measured over that of measured"
         + ("." if curves else ", free run."),
