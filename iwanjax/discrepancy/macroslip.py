@@ -146,7 +146,10 @@ def _weighed(
     # At most as likely as the fit: where it is not the best, that is a peak of no width.
     odds = np.exp(np.minimum(-0.5 * (worse + prior), 0.0))
     curvature = slope @ fitted.normal[:p, :p] @ slope / scale
+    # Half of the fit's own step lies before it: where that is unlikely, the fit is at the edge.
     peak = min(1.0, math.sqrt(2.0 * math.pi / max(curvature, 1e-300)) / _STEP)
+    before = dict(zip(changes, odds, strict=True)).get(-_STEP, 0.0)
+    peak = 0.5 * (peak + min(peak, before))
     weight = odds / (peak + odds.sum())
     rows = zip(changes, changes.values(), weight.tolist(), strict=True)
     return [Alternative(*each) for each in rows]
