@@ -296,9 +296,9 @@ SETS = {
     ],
     "opened": _set(OPENED, EMPTY, 1, range(1, 96, 2)),
     "third": _set(THIRD, EMPTY_THIRD, 3, range(101, 149)),
-    "final": _set(_drawn(4, 26, 4), DRAWN_EMPTY, 4, range(150, 200)),
+    "fourth": _set(_drawn(4, 26, 4), DRAWN_EMPTY, 4, range(150, 200)),
 }
-"""Cases of each set: for development, two held back until they were opened, still held back."""
+"""Cases of each set: for development, then three that were held back until they were opened."""
 
 
 def plan() -> tuple[Case, ...]:
