@@ -1,6 +1,6 @@
 """Which suspects would explain what the joints cannot."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.residuals import evaluate, glance
 from iwanjax.discrepancy.search import Search, Start, drifting_values, free_values
-from iwanjax.discrepancy.trials import columns, faults, units
+from iwanjax.discrepancy.trials import Unit, columns, faults, units
 
 # Share of the largest value a sensor showed, where it may have been cut: noise lies above.
 _LIMIT = 0.98
@@ -94,30 +94,18 @@ def screen(
             best[key] = (drop, start)
 
     def rated(made: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sizes that columns ask for, and their drops."""
+        """Sizes that columns ask for, and their drops; none where the model broke down."""
         h = made.reshape(len(made), base.residual.size)
-        square = np.sum(h**2, axis=1) - np.sum((h @ basis[: h.shape[1]]) ** 2, axis=1)
-        toward = -(h @ left[: h.shape[1]])
-        usable = np.isfinite(square) & (square > _EXPLAINED * np.sum(h**2, axis=1))
-        size = np.where(usable, toward, 0.0) / np.where(usable, square, 1.0)
-        return size, size * np.where(usable, toward, 0.0) / total
+        with np.errstate(over="ignore", invalid="ignore"):
+            alone, toward = np.sum(h**2, axis=1), -(h @ left[: h.shape[1]])
+            square = alone - np.sum((h @ basis[: h.shape[1]]) ** 2, axis=1)
+            usable = np.isfinite(square) & (square > _EXPLAINED * alone)
+        toward = np.where(usable, toward, 0.0)
+        size = toward / np.where(usable, square, 1.0)
+        return size, size * toward / total
 
-    forces = units(search, base, kinds, places)
-    sizes, drops = np.zeros((2, len(forces)))
-    if len(forces) > _MOVING:
-        for which, made in columns_at_rest(search, base, forces):
-            sizes[which], drops[which] = rated(made)
-    first = np.argsort(-drops, kind="stable")[:_MOVING]
-    of_sensors = faults(search, kinds, sensors, z)
-    size, drop = rated(columns(search, base, [*(forces[i] for i in first), *of_sensors]))
-    sizes[first], drops[first] = size[: len(first)], drop[: len(first)]
-    rows = zip(
-        [*forces, *of_sensors],
-        [*sizes.tolist(), *size[len(first) :].tolist()],
-        [*drops.tolist(), *drop[len(first) :].tolist()],
-        strict=True,
-    )
-    for unit, size, drop in rows:
+    forces, of_sensors = units(search, base, kinds, places), faults(search, kinds, sensors, z)
+    for unit, size, drop in _judged(search, base, forces, of_sensors, rated):
         if size != 0 and not (unit.kind.positive and size < 0):
             propose(unit.kind, unit.where, drop, partial(unit.sized, size))
     if not others:
@@ -130,6 +118,27 @@ def screen(
         Candidate(suspicion.joined(search, [*others, start()]), drop)
         for drop, start in sorted(best.values(), key=lambda each: -each[0])
     ]
+
+
+def _judged(
+    search: Search,
+    base: Fitted,
+    forces: Sequence[Unit],
+    of_sensors: Sequence[Unit],
+    rated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+) -> Iterator[tuple[Unit, float, float]]:
+    """All with size and drop: about the motion itself, but for forces that promise little."""
+    found = np.zeros((2, len(forces)))
+    if len(forces) > _MOVING:
+        for which, made in columns_at_rest(search, base, forces):
+            found[:, which] = rated(made)
+    best = np.argsort(-found[1], kind="stable")[:_MOVING]
+    moving = columns(search, base, [*(forces[i] for i in best), *of_sensors])
+    exact = np.array(rated(moving))
+    found[:, best] = exact[:, : len(best)]
+    found = np.hstack([found, exact[:, len(best) :]])
+    for unit, (size, drop) in zip([*forces, *of_sensors], found.T.tolist(), strict=True):
+        yield unit, size, drop
 
 
 def _explained(search: Search, made: np.ndarray, shared: int) -> np.ndarray:
