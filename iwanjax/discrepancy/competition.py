@@ -10,12 +10,15 @@ import numpy as np
 from iwanjax.discrepancy.evidence import evidence, left_by_noise, shares
 from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
 from iwanjax.discrepancy.joint_faults import with_joint_faults
+from iwanjax.discrepancy.limits import with_limits
+from iwanjax.discrepancy.long_memory import appearing
 from iwanjax.discrepancy.macroslip import in_the_middle
 from iwanjax.discrepancy.pairs import doubled
 from iwanjax.discrepancy.probing import probed
-from iwanjax.discrepancy.ranking import LEAST_GAIN, finalists, missing, ranked
+from iwanjax.discrepancy.ranking import LEAST_GAIN, doubted, finalists, missing, ranked
 from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.rounds import (
+    LEAST_PROMISE,
     MIDDLE,
     RACE,
     STEPS,
@@ -23,12 +26,13 @@ from iwanjax.discrepancy.rounds import (
     Grounds,
     again,
     cost_of,
+    distinct,
     least,
     placed,
     screened,
 )
 from iwanjax.discrepancy.screen import Candidate
-from iwanjax.discrepancy.search import Search, Start
+from iwanjax.discrepancy.search import Search, Start, Variant
 from iwanjax.discrepancy.verdict import Score
 
 # Memories of the observer to polish with, in cycles.
@@ -51,8 +55,6 @@ _CLEAR = 0.8
 _FAR = 3.0
 # Share of the best one's drop from which on a suspect is worth a refit; costs that are the same.
 _HOPELESS, _SAME = 0.15, 1.02
-# Evidence that a screening has to promise before a suspect is refitted.
-_LEAST_PROMISE = 3.0
 
 
 class Table(NamedTuple):
@@ -123,27 +125,39 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     entries = with_joint_faults(search, nominal, shorts, entries, candidates, grounds)
     base, entries = ranked(base, entries)
     detected = bool(entries) and missing(base, entries[0])
-    grounds.progress("polishing to the free run")
-    close = finalists(base, entries) if detected else []
-    entries, count = [*close, *(e for e in entries if e not in close)], len(close)
-    for cycles in _LONG:
-        polished = again([base, *entries[:count]], [], cycles, grounds)
-        base = next(e for e in polished if not e.fitted.hypothesis.kinds)
-        rest = [e for e in polished if e.fitted.hypothesis.kinds]
-        entries = [*rest, *entries[count:]]
     if detected:
-        base, first = ranked(base, entries[:count])
-        # What a longer memory does not bear out was an error of the model's own.
-        detected = missing(base, first[0])
-        first = [replace(e, fitted=in_the_middle(e.search, e.fitted)) for e in first]
-        floor = min((e.behind for e in first), default=0.0)
-        entries = [*first, *(replace(e, behind=min(e.behind, floor)) for e in entries[count:])]
+        base, entries = ranked(base, with_limits(search, entries, grounds))
+    base, close = _polished(base, finalists(base, entries) if detected else [], grounds)
+    known = {e.fitted.hypothesis.variant for e in close}
+    rest = [e for e in entries if e.fitted.hypothesis.variant not in known]
+    # What a longer memory does not bear out was an error of the model's own.
+    detected = bool(close) and missing(base, close[0])
+    close = [replace(e, fitted=in_the_middle(e.search, e.fitted)) for e in close]
+    floor = min((e.behind for e in close), default=0.0)
+    rest = [replace(e, behind=min(e.behind, floor)) for e in rest]
     base = replace(base, fitted=in_the_middle(base.search, base.fitted))
     scores = tuple(
         Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
         for c in candidates
     )
-    return Table(detected, base, tuple(entries), scores)
+    return Table(detected, base, (*close, *rest), scores)
+
+
+def _polished(base: Entry, close: list[Entry], grounds: Grounds) -> tuple[Entry, list[Entry]]:
+    """The nominal model and the last few suspects, or what appears only then, in the free run."""
+    grounds.progress("polishing to the free run")
+    found = bool(close)
+    for cycles in _LONG:
+        before = base.fitted
+        polished = again([base, *close], [], cycles, grounds)
+        base = next(e for e in polished if not e.fitted.hypothesis.kinds)
+        close = [e for e in polished if e.fitted.hypothesis.kinds]
+        if not found:
+            late = distinct([*close, *appearing(base.search, before, base.fitted, grounds)])
+            base, late = ranked(base, late)
+            close = finalists(base, late) if late and missing(base, late[0]) else []
+    base, close = ranked(base, close)
+    return base, doubted(base.search, close) if close else close
 
 
 def _nominal(search: Search, grounds: Grounds, seed: int) -> Fitted:
@@ -167,10 +181,10 @@ def _first(
     search: Search, nominal: Fitted, screened: Sequence[Sequence[Candidate]], grounds: Grounds
 ) -> list[Entry]:
     """The best candidates, the rivals at the best place, and joints' faults, refitted."""
-    least = _LEAST_PROMISE / max(evidence(search, [nominal]).worth(nominal), 1e-300)
+    least = LEAST_PROMISE / max(evidence(search, [nominal]).worth(nominal), 1e-300)
     promising = [[c for c in each if c.drop > least] for each in screened]
     far = nominal.cost > _FAR * left_by_noise(search)
-    chosen: dict[tuple[str, ...], list[Start]] = {}
+    chosen: dict[Variant, list[Start]] = {}
     for candidates in promising:
         best = candidates[0].start.hypothesis.where[-1] if candidates else ""
         for rank, c in enumerate(candidates):

@@ -86,6 +86,26 @@ def left_by_noise(search: Search) -> float:
     return float(np.sum((OF_NOISE * search.noise * weight) ** 2))
 
 
+def scale(search: Search, fitted: Fitted) -> float:
+    """What differences of squares between rivals of a fit are to be divided by.
+
+    What exceeds the noise is the model's own error. It goes a few ways only, an amplitude and a
+    phase of each mode in each recording, and so speaks for or against any rival by chance, more
+    than white noise of that size would.
+
+    Parameters
+    ----------
+    search : Search
+        That it was fitted with.
+    fitted : Fitted
+        The best model.
+    """
+    table = evidence(search, [fitted])
+    error = float(fitted.misfit.sum()) - left_by_noise(search)
+    ways = 2 * search.predictor.kept * search.recordings
+    return max(table.temperature * table.tau, 1.0 + error / ways)
+
+
 def unknowns(fitted: Fitted) -> int:
     """Number of values fitted beyond those of the joints as given."""
     hypothesis = fitted.hypothesis

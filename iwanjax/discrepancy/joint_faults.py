@@ -5,6 +5,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
+
 from iwanjax.discrepancy import suspicion
 from iwanjax.discrepancy.catalogue import ForceKind, JointKind
 from iwanjax.discrepancy.evidence import left_by_noise
@@ -20,11 +22,13 @@ from iwanjax.discrepancy.rounds import (
     Grounds,
     again,
     cost_of,
+    distinct,
     least,
     placed,
 )
 from iwanjax.discrepancy.screen import Candidate
 from iwanjax.discrepancy.search import Search, Start
+from iwanjax.discrepancy.sensitivity import joints_of
 from iwanjax.joints import Iwan4
 
 # Ratios of kinetic to static friction to begin with: near one what it does is nearly linear.
@@ -34,6 +38,8 @@ _TRIED = 2
 # Places where a whole joint is tried, and how many starts; slips to begin with, of the largest
 # deflection, or of a slider's own.
 _JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
+# Places where the joint found is tried again, scaled to what they do.
+_ELSEWHERE = 4
 # Pairs of suspects in which a joint may stand for one.
 _PAIRS = 2
 # Times the best cost with a short memory from which on a joint's fault is fitted no further.
@@ -41,7 +47,7 @@ _AHEAD = 1.3
 _LIKE_A_JOINT = {"viscoelastic", "coulomb_friction", "stiffness_error"}
 
 
-class _Limits(NamedTuple):
+class Limits(NamedTuple):
     """Costs to compare with: the best one so far, and what has to be foreseen to be tried."""
 
     best: float
@@ -68,20 +74,37 @@ def with_joint_faults(
     grounds.progress("refitting joints of other kinds")
     # One step of the nominal model, and what must be gained beside it to be worth a fit.
     worth = (1.0 - INDULGENCE) * foreseen(search, [nominal.start], SHORT)[0]
-    limits = _Limits(best.cost, worth)
+    limits = Limits(best.cost, worth)
     found = _joints_left_out(search, known, limits, grounds, _JOINT_PLACES if left else 1)
+    found += _rivals(search, found, known, limits, grounds)
     pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]
     found += _beside_another(search, pairs[:_PAIRS], limits, grounds)
-    found += _stuck(search, nominal, limits, grounds) if left else []
+    found += stuck(search, nominal, limits, grounds) if left else []
     everything = placed([*shorts, *found])
     faults = [e for e in everything if all(e.fitted is not short.fitted for short in shorts)]
     near = [e for e in faults if e.fitted.cost < _AHEAD * everything[0].fitted.cost]
     others = [e for e in faults if e not in near]
-    return sorted([*entries, *others, *again(near, [], MIDDLE, grounds)], key=cost_of)
+    return distinct([*entries, *others, *again(near, [], MIDDLE, grounds)])
 
 
-def _stuck(search: Search, nominal: Fitted, limits: _Limits, grounds: Grounds) -> list[Entry]:
-    """Stiction of every joint."""
+def stuck(
+    search: Search, nominal: Fitted, limits: Limits, grounds: Grounds, cycles: float = SHORT
+) -> list[Entry]:
+    """Stiction of every joint, where it promises something.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    nominal : Fitted
+        The model with its joints refitted, to start from.
+    limits : Limits
+        Costs to compare with.
+    grounds : Grounds
+        What may be suspected.
+    cycles : float
+        Memory of the observer.
+    """
     z = nominal.theta.mean(axis=0)[: search.parameters]
     made = [
         suspicion.with_stiction(search, kind, j, label, _THETAS, z)
@@ -90,11 +113,11 @@ def _stuck(search: Search, nominal: Fitted, limits: _Limits, grounds: Grounds) -
         for j, label in enumerate(grounds.joints)
         if type(search.joints[j].given) is Iwan4
     ]
-    return _best_of_each(made, limits, grounds)
+    return _best_of_each(made, limits, grounds, cycles)
 
 
 def _joints_left_out(
-    search: Search, known: Sequence[Start], limits: _Limits, grounds: Grounds, most: int
+    search: Search, known: Sequence[Start], limits: Limits, grounds: Grounds, most: int
 ) -> list[Entry]:
     """A joint more where the best suspects are."""
     by_label = {place.label: place for place in grounds.places}
@@ -110,8 +133,41 @@ def _joints_left_out(
     return _best_of_each(made, limits, grounds)
 
 
+def _rivals(
+    search: Search,
+    found: Sequence[Entry],
+    known: Sequence[Start],
+    limits: Limits,
+    grounds: Grounds,
+) -> list[Entry]:
+    """The best joint left out at other places, scaled to what they do.
+
+    From where its fit has ended, for springs and sliders alone tell too little of where the
+    other joints are beside it: a rival that is fitted less well is no evidence.
+    """
+    best = min(found, key=cost_of, default=None)
+    if best is None or cost_of(best) > _AHEAD * limits.best:
+        return []
+    by_label = {place.label: place for place in grounds.places}
+    (kind,), (where,) = best.fitted.hypothesis.kinds, best.fitted.hypothesis.where
+    here, p = by_label[where], search.parameters
+    z = best.fitted.theta.mean(axis=0)
+    joint = joints_of(best.search.joints, jax.device_put(z[: best.search.parameters]))[-1]
+    assert isinstance(joint, Iwan4)
+    assert isinstance(kind, JointKind)
+    F_S, K_T = float(joint.F_S), float(joint.K_T)
+    labels = dict.fromkeys(start.hypothesis.where[-1] for start in known)
+    made = []
+    for place in [by_label[each] for each in labels if each in by_label and each != where]:
+        ratio = here.scales.deflection / place.scales.deflection
+        guess = suspicion.Guess(K_T * ratio**2, F_S / K_T / ratio, z[:p])
+        made.append(suspicion.with_joint(search, kind, place, [guess]))
+    near = Limits(cost_of(best), min(limits.worth, _AHEAD * cost_of(best)))
+    return _best_of_each(made[:_ELSEWHERE], near, grounds)
+
+
 def _beside_another(
-    search: Search, pairs: Sequence[Fitted], limits: _Limits, grounds: Grounds
+    search: Search, pairs: Sequence[Fitted], limits: Limits, grounds: Grounds
 ) -> list[Entry]:
     """A joint in place of either of two suspects, the other kept."""
     by_label = {place.label: place for place in grounds.places}
@@ -128,19 +184,22 @@ def _beside_another(
 
 
 def _best_of_each(
-    made: Sequence[tuple[Search, list[Start]]], limits: _Limits, grounds: Grounds
+    made: Sequence[tuple[Search, list[Start]]],
+    limits: Limits,
+    grounds: Grounds,
+    cycles: float = SHORT,
 ) -> list[Entry]:
     """The best fit of each hypothesis that has a search of its own and promises something."""
     found, best = [], limits.best
     for own, starts in made:
         if not grounds.in_time():
             break
-        costs = foreseen(own, starts, SHORT)
+        costs = foreseen(own, starts, cycles)
         order = sorted(range(len(starts)), key=costs.__getitem__)
         if costs[order[0]] > limits.worth:
             continue
         chosen = [starts[i] for i in order[:_TRIED]]
-        fits = fit_all(own, chosen, SHORT, STEPS, race=RACE, best=best, in_time=grounds.in_time)
+        fits = fit_all(own, chosen, cycles, STEPS, race=RACE, best=best, in_time=grounds.in_time)
         best = min(best, *(each.cost for each in fits))
         found.append(Entry(own, min(fits, key=lambda each: each.cost)))
     return found

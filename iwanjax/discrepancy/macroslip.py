@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.evidence import evidence, left_by_noise
+from iwanjax.discrepancy.evidence import scale
 from iwanjax.discrepancy.fitting import Fitted, moved
 from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.search import Search
@@ -124,9 +124,7 @@ def _weighed(
     """Each with its probability, the fit itself being among them.
 
     Where macroslip has just begun to show it is known so well there that a fit's probability is
-    a peak's, higher than what lies beyond and much narrower than a step. What exceeds the noise
-    is the model's own error, which goes a few ways only and so speaks for or against any joint
-    by chance, more than white noise of that size would.
+    a peak's, higher than what lies beyond and much narrower than a step.
     """
     if not changes:
         return []
@@ -136,16 +134,14 @@ def _weighed(
         theta = fitted.theta.copy()
         theta[:, :p] += change
         lanes.append((fitted.hypothesis, theta))
-    table, z = evidence(search, [fitted]), fitted.theta.mean(axis=0)[:p]
+    z = fitted.theta.mean(axis=0)[:p]
     misfit = [float(np.sum(e**2)) for e in glance(search, lanes, fitted.cycles)]
-    error = float(fitted.misfit.sum()) - left_by_noise(search)
-    ways = 2 * search.predictor.kept * search.recordings
-    scale = max(table.temperature * table.tau, 1.0 + error / ways)
-    worse = (np.array(misfit) - fitted.misfit.sum()) / scale
+    unit = scale(search, fitted)
+    worse = (np.array(misfit) - fitted.misfit.sum()) / unit
     prior = np.array([(z + change) @ (z + change) - z @ z for change in changes.values()])
     # At most as likely as the fit: where it is not the best, that is a peak of no width.
     odds = np.exp(np.minimum(-0.5 * (worse + prior), 0.0))
-    curvature = slope @ fitted.normal[:p, :p] @ slope / scale
+    curvature = slope @ fitted.normal[:p, :p] @ slope / unit
     # Half of the fit's own step lies before it: where that is unlikely, the fit is at the edge.
     peak = min(1.0, math.sqrt(2.0 * math.pi / max(curvature, 1e-300)) / _STEP)
     before = dict(zip(changes, odds, strict=True)).get(-_STEP, 0.0)

@@ -15,7 +15,7 @@ from iwanjax.discrepancy.rounds import (
     Grounds,
     screened,
 )
-from iwanjax.discrepancy.search import Search, Start
+from iwanjax.discrepancy.search import Search, Start, Variant
 
 # Suspects that are tried beside the first, and pairs that are fitted with a longer memory.
 _SECONDS, _PARTNERS = 6, 3
@@ -104,7 +104,7 @@ def _repaired(
     search: Search, pair: Fitted, singles: Sequence[Fitted], grounds: Grounds
 ) -> list[Fitted]:
     """Other partners for either of a pair: the first was chosen when the second was not known."""
-    starts: dict[tuple[str, ...], Start] = {}
+    starts: dict[Variant, Start] = {}
     for kept, single in enumerate(singles):
         place = pair.hypothesis.where[1 - kept]
         candidates = screened(search, single, grounds)

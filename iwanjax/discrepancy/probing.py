@@ -8,7 +8,7 @@ from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.rounds import MIDDLE, RACE, STEPS, Entry, Grounds, cost_of
 from iwanjax.discrepancy.screen import Candidate
-from iwanjax.discrepancy.search import Search, Start
+from iwanjax.discrepancy.search import Search, Start, Variant
 from iwanjax.discrepancy.trials import units
 
 # Places that are probed; largest forces as shares of what would hold the place there; suspects
@@ -56,7 +56,7 @@ def probed(
     ]
     left = glance(search, [(s.hypothesis, search.still(s.theta)) for s in starts], SHORT)
     cost = [float(np.sum(e**2)) for e in left]
-    best: dict[tuple[str, ...], Start] = {}
+    best: dict[Variant, Start] = {}
     for i in np.argsort(cost):
         best.setdefault(starts[i].hypothesis.variant, starts[i])
     for cycles, count in ((SHORT, _REFITTED), (MIDDLE, _KEPT)):

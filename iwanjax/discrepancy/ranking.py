@@ -5,28 +5,33 @@ from dataclasses import replace
 
 import numpy as np
 
-from iwanjax.discrepancy.evidence import evidence
-from iwanjax.discrepancy.rounds import INDULGENCE, RACE, Entry, cost_of
+from iwanjax.discrepancy.evidence import evidence, scale
+from iwanjax.discrepancy.rounds import INDULGENCE, Entry
+from iwanjax.discrepancy.search import Search
 
 LEAST_GAIN = 12.0
 """Something is missing when the evidence for it exceeds that for nothing by this: so much likelier
 is nothing before the data, as many suspects are tried and no model is free of errors."""
 # Squared residual of a kind over that of its limit from which on it does not explain as much.
 _AS_MUCH = 1.02
-# Entries that are fitted to the free run, by evidence; and how far behind they may be to change
-# places there: a longer memory finds errors of the model's own, not other evidence of that size.
-_FINALISTS, _HOPE = 3, 100.0
+# Entries that are fitted to the free run, by evidence with and without what limits are granted;
+# and how far behind without it they may be to change places there: a longer memory finds errors
+# of the model's own, not other evidence of that size.
+_FINALISTS, _BEST_FITS, _HOPE = 3, 2, 100.0
 
 
 def finalists(base: Entry, entries: Sequence[Entry]) -> list[Entry]:
-    """The best by evidence, and the one that fits best whatever its evidence is at this memory.
+    """The best by evidence, and those that fit best whatever else speaks against them.
 
-    Rivals that are far behind stay where they are.
+    Rivals that are far behind stay where they are. Between a kind and its limit the free run
+    decides as well: with a short memory they may differ by less than the model's own errors.
     """
     same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
-    chosen = dict.fromkeys([*entries[:_FINALISTS], *sorted(same, key=cost_of)[:1]])
-    near = [e for e in chosen if e.fitted.cost < RACE * entries[0].fitted.cost]
-    return [e for e in near if e is entries[0] or e.behind > entries[0].behind - _HOPE]
+    values = evidence(base.search, [e.fitted for e in same]).values
+    order = [same[i] for i in np.argsort(-values, kind="stable")]
+    hopeful = [e for e, value in zip(same, values, strict=True) if value > values.max() - _HOPE]
+    chosen = dict.fromkeys([*entries[:_FINALISTS], *order[:_BEST_FITS]])
+    return [e for e in chosen if e is entries[0] or e in hopeful]
 
 
 def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
@@ -50,6 +55,17 @@ def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
     floor = min((e.behind for e in first), default=0.0)
     left = [replace(e, behind=min(e.behind, floor)) for e in entries if e not in same]
     return replace(base, behind=float(behind[0])), [*sorted(first, key=lambda e: -e.behind), *left]
+
+
+def doubted(search: Search, entries: Sequence[Entry]) -> list[Entry]:
+    """The same, as far behind the best one as its own error lets them be.
+
+    For nothing, which the model's own error has been granted to already, nothing changes.
+    """
+    best = entries[0].fitted
+    table = evidence(search, [best])
+    share = table.temperature * table.tau / scale(search, best)
+    return [replace(e, behind=e.behind * share) for e in entries]
 
 
 def missing(base: Entry, best: Entry) -> bool:

@@ -21,6 +21,8 @@ MISFIT = 1.2
 """Squared residual over the noise's from which on a suspect is not all there is."""
 INDULGENCE = 0.06
 """Share of the squared residual that the model's own errors, of integration say, may be worth."""
+LEAST_PROMISE = 3.0
+"""Evidence that a screening has to promise before a suspect is refitted."""
 
 # Steps of a polish, and times the best cost from which on it is given up: what is left needs
 # no last digit.
@@ -99,6 +101,15 @@ def least(nominal: Fitted, entries: Sequence[Entry]) -> Fitted:
 def cost_of(entry: Entry) -> float:
     """To sort by."""
     return entry.fitted.cost
+
+
+def distinct(entries: Sequence[Entry]) -> list[Entry]:
+    """Of each hypothesis the one that fits best with the longest memory, the best first."""
+    found = {
+        entry.fitted.hypothesis.variant: entry
+        for entry in sorted(entries, key=lambda e: (e.fitted.cycles, -cost_of(e)))
+    }
+    return sorted(found.values(), key=cost_of)
 
 
 def again(

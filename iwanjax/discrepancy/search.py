@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import numpy as np
@@ -56,9 +56,13 @@ class Hypothesis:
         return " + ".join(f"{kind.name}@{where}" for kind, where in pairs) or "nothing"
 
     @property
-    def variant(self) -> tuple[str, ...]:
-        """Label and form: what tells one hypothesis from all others."""
-        return (self.label, *(getattr(kind, "variant", "") for kind in self.kinds))
+    def variant(self) -> "Variant":
+        """Kinds with their places and forms, in no order: what tells one from all others."""
+        pairs = zip(self.kinds, self.where, strict=True)
+        return frozenset((kind.name, where, getattr(kind, "variant", "")) for kind, where in pairs)
+
+
+Variant: TypeAlias = frozenset[tuple[str, str, str]]
 
 
 class Start(NamedTuple):

@@ -1,6 +1,7 @@
 """The parts of a search: the band compared, finer forces, derivatives that are kept, probing."""
 
 import math
+from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,15 +11,16 @@ from hypothesis import strategies as st
 
 import iwanjax as ij
 from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
-from iwanjax.discrepancy.catalogue import CATALOGUE
+from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind
 from iwanjax.discrepancy.fitting import SHORT, fit_all
 from iwanjax.discrepancy.lanes import Lane, Layout
+from iwanjax.discrepancy.limits import with_limits
 from iwanjax.discrepancy.measured import Transient, _finer, prepared
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import predictor
 from iwanjax.discrepancy.probing import probed
 from iwanjax.discrepancy.residuals import Seen, glance
-from iwanjax.discrepancy.rounds import Grounds, screened
+from iwanjax.discrepancy.rounds import MIDDLE, STEPS, Entry, Grounds, screened
 from iwanjax.discrepancy.search import Hypothesis, Search, Start
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspects import Suspects
@@ -133,8 +135,8 @@ def test_derivatives_of_what_is_nearly_linear_are_hardly_asked_for():
 RATE, N = 1024.0, 500
 
 
-def struck(gap: float, stiffness: float) -> np.ndarray:
-    """A mass on a spring with a joint that hits a stop: small steps, its own code."""
+def struck(more: Callable[[float], float]) -> np.ndarray:
+    """A mass on a spring with a joint, and more that holds it: small steps, their own code."""
     fine = 64
     dt = 1.0 / (RATE * fine)
     d = v = 0.0
@@ -142,11 +144,8 @@ def struck(gap: float, stiffness: float) -> np.ndarray:
     for i in range(N * fine):
         t = i * dt
         if i % fine == 0:
-            push = pulse(t)
-            stop = stiffness * max(d - gap, 0.0)
-            found[i // fine] = push - 6e4 * d - 2.5 * v - stop
-        stop = stiffness * max(d - gap, 0.0)
-        v += dt * (pulse(t) - 6e4 * d - 2.5 * v - stop)
+            found[i // fine] = pulse(t) - 6e4 * d - 2.5 * v - more(d)
+        v += dt * (pulse(t) - 6e4 * d - 2.5 * v - more(d))
         d += dt * v
     return found[:, None]
 
@@ -155,26 +154,50 @@ def pulse(t):
     return 80.0 * math.sin(math.pi * (t - 0.06) / 0.012) ** 2 if 0.06 < t < 0.072 else 0.0
 
 
-def test_a_hard_stop_is_found_by_probing():
+# One set of kernels serves both searches.
+NAMES = ("cubic_stiffness", "gap_contact", "stiffness_error", "viscous_damping", "viscoelastic")
+
+
+def searching(response: np.ndarray) -> tuple[Search, Grounds]:
+    """Of some kinds at the only place there is."""
     one = np.ones((1, 1))
     joint = ij.Iwan4(F_S=1e3, K_T=3e4, chi=-0.5, beta=1.5)
     model = ij.JointedStructure(
         ij.LinearStructure(one, 2.5 * one, 3e4 * one), {"J1": (np.ones(1), joint)}
     )
-    kinds = tuple(k for name in ("cubic_stiffness", "gap_contact") for k in CATALOGUE[name])
+    kinds = tuple(kind for name in NAMES for kind in CATALOGUE[name])
+    forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
     made, modal = predictor(
-        model, jnp.asarray(one), jnp.asarray(one), RATE, "acceleration", kinds, 2
+        model, jnp.asarray(one), jnp.asarray(one), RATE, "acceleration", forces, 2
     )
-    response = struck(3e-4, 3e6)
     force = np.array([[pulse(i / RATE)] for i in range(N)])
     noise = np.array([1e-3 * np.std(response)])
     seen = prepared([Transient("rec", response, force)], made, modal, noise, N, 1)
     search = Search(made, (Joint(joint, jnp.full(4, 1e-3)),), seen.data, noise)
     row = {"J1": np.ones(1) @ np.asarray(modal.Phi)}
     places = places_of(search, followed(search), row)
-    grounds = Grounds(kinds, places, ("a1",), ("J1",), lambda: True, lambda line: None)
+    return search, Grounds(kinds, places, ("a1",), ("J1",), lambda: True, lambda line: None)
+
+
+def test_a_hard_stop_is_found_by_probing():
+    response = struck(lambda d: 3e6 * max(d - 3e-4, 0.0))
+    search, grounds = searching(response)
     base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
     found = probed(search, [], screened(search, base, grounds), grounds)
     (before,) = glance(search, [(search.nothing(), search.still(np.zeros(6)))], 8.0)
     assert found[0].fitted.hypothesis.kinds[0].name == "gap_contact"
     assert found[0].fitted.cost < 0.02 * np.sum(before**2)
+
+
+def test_a_spring_is_found_behind_what_has_it_for_a_limit():
+    search, grounds = searching(struck(lambda d: 8e3 * d))
+    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
+    candidates = screened(search, base, grounds)
+    whole = next(c for c in candidates if c.start.hypothesis.kinds[0].name == "viscoelastic")
+    entries = [Entry(search, each) for each in fit_all(search, [whole.start], MIDDLE, STEPS)]
+    found = with_limits(search, entries, grounds)
+    spring = next(e for e in found if e.fitted.hypothesis.kinds[0].name == "stiffness_error")
+    assert spring.fitted.cost < 1.05 * found[0].fitted.cost
+    assert {e.fitted.hypothesis.label for e in found} <= {
+        f"{name}@J1" for name in ("stiffness_error", "viscous_damping", "viscoelastic")
+    }

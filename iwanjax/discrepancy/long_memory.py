@@ -1,0 +1,56 @@
+"""What only a long memory of the observer shows: effects that build up slowly."""
+
+from iwanjax.discrepancy.evidence import evidence, left_by_noise
+from iwanjax.discrepancy.fitting import Fitted, fit_all
+from iwanjax.discrepancy.joint_faults import Limits, stuck
+from iwanjax.discrepancy.rounds import (
+    LEAST_PROMISE,
+    RACE,
+    STEPS,
+    Entry,
+    Grounds,
+    cost_of,
+    placed,
+    screened,
+)
+from iwanjax.discrepancy.search import Search
+
+# Times what a shorter memory left from which on something new is looked for, and the share of
+# what is new that a suspect has to take: a free run adds up the model's own errors, too.
+_GROWN, _SHARE = 1.25, 0.5
+# Suspects that are refitted.
+_REFITTED = 4
+
+
+def appearing(search: Search, before: Fitted, now: Fitted, grounds: Grounds) -> list[Entry]:
+    """Suspects in what a model leaves with a longer memory and did not leave with a shorter one.
+
+    An observer takes what differs from hit to hit, or the phase that a weak force shifts over
+    many cycles, for errors of the state and corrects them away: with a short memory a drifting
+    joint leaves no more than noise.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    before, now : Fitted
+        The model with its joints refitted, with a shorter and a longer memory.
+    grounds : Grounds
+        What may be suspected.
+
+    Returns
+    -------
+    list of Entry
+        Refitted with the longer memory, the best first; none where nothing new is left.
+    """
+    usual = max(before.cost, left_by_noise(search))
+    if now.cost < _GROWN * usual or not grounds.in_time():
+        return []
+    grounds.progress("looking again with a longer memory")
+    least = LEAST_PROMISE / evidence(search, [now]).worth(now)
+    starts = [c.start for c in screened(search, now, grounds)[:_REFITTED] if c.drop > least]
+    fits = fit_all(search, starts, now.cycles, STEPS, race=RACE, in_time=grounds.in_time)
+    enough = now.cost - _SHARE * (now.cost - usual)
+    sticking = stuck(search, now, Limits(now.cost, now.cost), grounds, now.cycles)
+    found = [*(Entry(search, each) for each in fits), *sticking]
+    return placed([each for each in found if cost_of(each) < enough])

@@ -1,0 +1,56 @@
+from types import SimpleNamespace
+
+import pytest
+
+from iwanjax.discrepancy import long_memory
+
+NOISE = 1000.0
+
+
+@pytest.fixture
+def looked(monkeypatch):
+    """What is refitted when a model leaves so much, the suspects that much."""
+
+    def run(before: float, now: float, drops: list[float], suspects: list[float]) -> list[float]:
+        told = []
+        grounds = SimpleNamespace(in_time=lambda: True, progress=told.append)
+        candidates = [SimpleNamespace(start=i, drop=drop) for i, drop in enumerate(drops)]
+        monkeypatch.setattr(long_memory, "left_by_noise", lambda search: NOISE)
+        monkeypatch.setattr(long_memory, "screened", lambda *args: candidates)
+        monkeypatch.setattr(
+            long_memory,
+            "evidence",
+            lambda *args: SimpleNamespace(worth=lambda fitted: 0.5 * fitted.cost),
+        )
+        monkeypatch.setattr(
+            long_memory,
+            "fit_all",
+            lambda search, starts, *args, **rest: [
+                SimpleNamespace(cost=suspects[i]) for i in starts
+            ],
+        )
+        monkeypatch.setattr(long_memory, "stuck", lambda *args: [])
+        monkeypatch.setattr(long_memory, "placed", lambda entries: entries)
+        found = long_memory.appearing(
+            SimpleNamespace(),
+            SimpleNamespace(cost=before),
+            SimpleNamespace(cost=now, cycles=40.0),
+            grounds,
+        )
+        assert bool(told) == (now >= 1.25 * max(before, NOISE))
+        return [entry.fitted.cost for entry in found]
+
+    return run
+
+
+def test_what_a_longer_memory_leaves_as_before_is_not_looked_into(looked):
+    assert looked(1300.0, 1400.0, [0.3], [1000.0]) == []
+    assert looked(900.0, 1200.0, [0.3], [900.0]) == []
+
+
+def test_suspects_have_to_take_half_of_what_is_new(looked):
+    assert looked(1300.0, 1900.0, [0.3, 0.2], [1590.0, 1610.0]) == [1590.0]
+
+
+def test_only_what_promises_evidence_is_refitted(looked):
+    assert looked(1000.0, 2000.0, [0.5, 0.002], [1000.0, 1000.0]) == [1000.0]
