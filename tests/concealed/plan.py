@@ -297,8 +297,10 @@ SETS = {
     "opened": _set(OPENED, EMPTY, 1, range(1, 96, 2)),
     "third": _set(THIRD, EMPTY_THIRD, 3, range(101, 149)),
     "fourth": _set(_drawn(4, 26, 4), DRAWN_EMPTY, 4, range(150, 200)),
+    "fifth": _set(_drawn(5, 26, 4), DRAWN_EMPTY, 5, range(200, 250)),
 }
-"""Cases of each set: for development, then three that were held back until they were opened."""
+"""Cases of each set: for development, three that were held back until they were opened, and the
+fifth, held back."""
 
 
 def plan() -> tuple[Case, ...]:

@@ -139,8 +139,10 @@ def _sensor_values(case: Case, wanted: Wanted, rng: np.random.Generator) -> tupl
     if kind == "sensor_saturation":
         low, high = [(0.5, 0.6), (0.65, 0.75), (0.8, 0.9)][grade]
         at = list(case.structure.sensors).index(where)
-        # Of the largest peak that this sensor sees in any recording.
-        response, _ = measure(case.structure, case.true, (), case.hits, OVERSAMPLING)
+        # Of the largest peak that this sensor sees in any recording that may be fitted: what is
+        # cut in a held-out one only shows nowhere.
+        fitted = [hit for hit in case.hits if hit.use == "fit"]
+        response, _ = measure(case.structure, case.true, (), fitted, OVERSAMPLING)
         return (float(rng.uniform(low, high) * np.abs(response[..., at]).max()),)
     return ()
 
