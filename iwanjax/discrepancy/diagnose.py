@@ -72,7 +72,8 @@ def diagnose(
     judged at size zero by what it would take off the residual beyond what the joints can; the
     best are refitted with the joints, and the best of these with longer and longer memory up to
     the free run. Where the residual stays above the noise a second suspect is looked for beside
-    the first.
+    the first; where nothing shows with a memory of eight cycles but in the free run, as with a
+    joint that drifts, suspects are looked for there.
 
     Parameters
     ----------
@@ -183,6 +184,7 @@ def diagnose(
         before=Errors(*(_relative(x) for x in before)),
         after=Errors(*(_relative(x) for x in after)),
         noise_floor=Errors(*(x.floor if x else math.nan for x in after)),
+        noise_floor_95=Errors(*(x.floor_95 if x else math.nan for x in after)),
         parameter_spread=Errors(*(x.spread if x else math.nan for x in after)),
         indistinguishable=tuple(dict.fromkeys(indistinguishable)),
         observables=differing,
@@ -213,7 +215,7 @@ def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
 
 def _unforeseen(held_out: Free) -> list[str]:
     """What to think of held-out recordings that are off by more than anything accounts for."""
-    ratio = held_out.relative / math.hypot(held_out.floor, _DEVIATIONS * held_out.spread)
+    ratio = held_out.relative / math.hypot(held_out.floor_95, _DEVIATIONS * held_out.spread)
     if ratio < _UNFORESEEN:
         return []
     return [

@@ -165,6 +165,7 @@ def diagnose_curves(
         before=errors[0],
         after=errors[1],
         noise_floor=floor,
+        noise_floor_95=Errors(math.nan, math.nan),
         parameter_spread=Errors(math.nan, math.nan),
         indistinguishable=alike(what, _ALIKE) if what else (),
         observables=_observables(before, mode) if detected else (),

@@ -29,6 +29,9 @@ class Free(NamedTuple):
         As recorded, zero likewise.
     noise : (recordings,) array
         Mean square that the sensors' noise and the forces' leave, summed over the samples.
+    scatter : (recordings,) array
+        Variance of that sum: the forces' noise goes a few ways only, and so may leave much more
+        than its mean.
     unsure : (recordings,) array
         The same of what the fitted recordings leave open of the parameters: linearised, and of
         where macroslip begins.
@@ -38,6 +41,7 @@ class Free(NamedTuple):
     error: np.ndarray
     measured: np.ndarray
     noise: np.ndarray
+    scatter: np.ndarray
     unsure: np.ndarray
 
     @property
@@ -51,6 +55,12 @@ class Free(NamedTuple):
         return math.sqrt(float(np.sum(self.noise) / np.sum(self.measured**2)))
 
     @property
+    def floor_95(self) -> float:
+        """What a perfect model exceeds in one case of twenty."""
+        square = _quantile(np.sum(self.noise), np.sum(self.scatter))
+        return math.sqrt(float(square / np.sum(self.measured**2)))
+
+    @property
     def spread(self) -> float:
         """The same of what uncertain parameters leave."""
         return math.sqrt(float(np.sum(self.unsure) / np.sum(self.measured**2)))
@@ -62,8 +72,23 @@ class Free(NamedTuple):
 
     def floors(self) -> Mapping[str, float]:
         """The same of a perfect model."""
-        floors = np.sqrt(self.noise / np.sum(self.measured**2, axis=(1, 2)))
-        return dict(zip(self.names, floors.tolist(), strict=True))
+        return self._by_name(self.noise)
+
+    def floors_95(self) -> Mapping[str, float]:
+        """What a perfect model exceeds in one case of twenty."""
+        return self._by_name(_quantile(self.noise, self.scatter))
+
+    def _by_name(self, square: np.ndarray) -> Mapping[str, float]:
+        shares = np.sqrt(square / np.sum(self.measured**2, axis=(1, 2)))
+        return dict(zip(self.names, shares.tolist(), strict=True))
+
+
+def _quantile(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """Exceeded in one case of twenty by a sum of squares, as if gamma-distributed."""
+    from scipy.special import gammaincinv
+
+    unit = variance / mean
+    return np.where(unit > 0, gammaincinv(mean / np.maximum(unit, 1e-300), 0.95) * unit, mean)
 
 
 def free_run(
@@ -118,7 +143,9 @@ def _free(
     own = np.sum(np.where(weight > 0, left, 0.0), axis=(1, 2))
     # What the forces' noise does to the state after the pulse, of deviation 1 each.
     kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]
-    own = own + np.sum(kicked**2, axis=(1, 2, 3))
+    gram = np.einsum("rins,rjns->rij", kicked, kicked)
+    own = own + np.einsum("rii->r", gram)
+    scatter = 2.0 * np.sum(gram**2, axis=(1, 2))
     shared = free_values(search, fitted.hypothesis)
     slopes = np.asarray(seen.slopes)[:count][:, shared] / safe[:, None]
     open_to = np.einsum("rins,rjns->rij", slopes, slopes)
@@ -131,9 +158,8 @@ def _free(
     for each, residual in zip(other, residuals, strict=True):
         change = (residual - seen.residual)[:count] / safe
         unsure = unsure + each.weight * np.sum(change**2, axis=(1, 2))
-    return Free(
-        those.names, seen.residual[:count] / safe, np.where(weight > 0, y, 0.0), own, unsure
-    )
+    error, measured = seen.residual[:count] / safe, np.where(weight > 0, y, 0.0)
+    return Free(those.names, error, measured, own, scatter, unsure)
 
 
 def _expected(

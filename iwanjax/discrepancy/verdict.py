@@ -11,6 +11,8 @@ from iwanjax.discrepancy.suspicion import Estimate
 
 # Differences by mode that a statement begins with.
 _TOLD = 2
+# What noise exceeds in one case of twenty over what it leaves, from which on both are told.
+_OFTEN = 1.15
 
 
 class Run(Protocol):
@@ -22,6 +24,10 @@ class Run(Protocol):
 
     def floors(self) -> Mapping[str, float]:
         """The same of a perfect model."""
+        ...
+
+    def floors_95(self) -> Mapping[str, float]:
+        """What a perfect model exceeds in one case of twenty."""
         ...
 
 
@@ -97,6 +103,8 @@ class Diagnosis:
     before, after, noise_floor : Errors
         Free-run errors of the model with its joints refitted, with what was found added, and
         what sensor and force noise alone leave.
+    noise_floor_95 : Errors
+        What noise alone exceeds in one case of twenty; NaN for curves.
     parameter_spread : Errors
         By how much predictions move within what the fitted recordings leave open of the
         parameters, linearised; NaN for curves.
@@ -127,6 +135,7 @@ class Diagnosis:
     before: Errors
     after: Errors
     noise_floor: Errors
+    noise_floor_95: Errors
     parameter_spread: Errors
     indistinguishable: tuple[tuple[str, str], ...]
     observables: tuple[Observable, ...] = field(repr=False)
@@ -167,9 +176,16 @@ class Diagnosis:
             f"Nothing is missing that these recordings show: with its joints refitted the model "
             f"predicts the {which} ones within {error:.2g} of their root mean square "
             f"(probability {self.probability_nothing_missing:.2f}).",
-            f"Noise alone would leave {floor:.2g}.",
+            f"Noise alone would leave {floor:.2g}{self._at_most(held)}.",
             *self._open(),
         ]
+
+    def _at_most(self, held: bool) -> str:
+        """What noise seldom exceeds, where that is much more than it leaves on average."""
+        usual, high = (
+            (x.hold_out if held else x.fit) for x in (self.noise_floor, self.noise_floor_95)
+        )
+        return f" ({high:.2g} in one case of twenty)" if high > _OFTEN * usual else ""
 
     def _open(self) -> list[str]:
         """What the parameters leave open of the held-out recordings, where that is much."""
@@ -196,7 +212,8 @@ class Diagnosis:
         if self.before.hold_out == self.before.hold_out:
             told.append(
                 f"Held-out error falls from {self.before.hold_out:.2g} to "
-                f"{self.after.hold_out:.2g}; the noise floor is {self.noise_floor.hold_out:.2g}."
+                f"{self.after.hold_out:.2g}; the noise floor is {self.noise_floor.hold_out:.2g}"
+                f"{self._at_most(held=True)}."
             )
             told += self._open()
         for each in self.found:

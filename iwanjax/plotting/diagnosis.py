@@ -54,10 +54,10 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     errors.semilogy(at, both[:, 0], "o", color=PALETTE[0], label="joints refitted")
     if diagnosis.detected:
         errors.semilogy(at, both[:, 1], "s", color=PALETTE[1], label="with what was found")
-    floors = diagnosis.runs[1].floors()
-    errors.semilogy(
-        at, [floors[name] for name in names], "_", color=GREY, markersize=14, label="noise alone"
-    )
+    usual, high = diagnosis.runs[1].floors(), diagnosis.runs[1].floors_95()
+    low = [usual[name] for name in names]
+    errors.vlines(at, low, [high[name] for name in names], color=GREY, linewidth=1.0)
+    errors.semilogy(at, low, "_", color=GREY, markersize=14, label="noise alone, to 95 %")
     errors.set_xticks(at, names, rotation=30, ha="right")
     errors.set_ylabel("Relative error of prediction (–)")
     figure.legend(loc="outside upper center", ncols=3)

@@ -118,6 +118,7 @@ def _told(verdict: Diagnosis) -> dict[str, Any]:
             "before": pair(verdict.before),
             "after": pair(verdict.after),
             "noise_floor": pair(verdict.noise_floor),
+            "noise_floor_95": pair(verdict.noise_floor_95),
             "parameter_spread": pair(verdict.parameter_spread),
         },
         "indistinguishable": [list(each) for each in verdict.indistinguishable],

@@ -1,0 +1,36 @@
+import numpy as np
+import pytest
+
+from iwanjax.discrepancy.held_out import Free, joined
+
+RNG = np.random.default_rng(3)
+
+
+def run(noise: list[float], scatter: list[float]) -> Free:
+    """Of a measured root mean square of one over 50 samples of two sensors."""
+    count = len(noise)
+    blank = np.zeros((count, 50, 2))
+    names = tuple(f"rec{i}" for i in range(count))
+    return Free(names, blank, blank + 1.0, np.array(noise), np.array(scatter), np.zeros(count))
+
+
+def test_without_scatter_a_perfect_model_leaves_its_floor():
+    found = run([1.0, 4.0], [0.0, 0.0])
+    assert found.floor_95 == pytest.approx(found.floor)
+    assert found.floors_95() == pytest.approx(found.floors())
+    assert found.floors()["rec1"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("ways", [[1.0], [1.0, 0.3], [2.0, 2.0, 2.0, 1.0, 0.1]])
+def test_noise_that_goes_a_few_ways_leaves_more_in_one_case_of_twenty(ways):
+    squares = np.array(ways)
+    draws = 0.5 + RNG.standard_normal((200_000, len(ways))) ** 2 @ squares
+    found = run([0.5 + squares.sum()], [2.0 * np.sum(squares**2)])
+    assert found.floor_95**2 * 100 == pytest.approx(np.quantile(draws, 0.95), rel=0.05)
+
+
+def test_over_several_recordings_it_averages_out():
+    one, several = run([1.0], [2.0]), run([1.0] * 6, [2.0] * 6)
+    assert one.floors_95()["rec0"] == pytest.approx(several.floors_95()["rec5"])
+    assert several.floor_95 < 0.8 * one.floor_95
+    assert joined([one, several]).floor_95 < several.floor_95
