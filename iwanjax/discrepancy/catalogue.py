@@ -103,6 +103,8 @@ class SensorKind:
         The size, where there is nothing to fit.
     positive : bool
         Whether a negative size means nothing.
+    limits : tuple of str
+        Simpler kinds that it becomes at one size: with nothing to fit.
     """
 
     name: str
@@ -112,6 +114,7 @@ class SensorKind:
     acts: Literal["gain", "delay", "limit"]
     fixed: float | None = None
     positive: bool = False
+    limits: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -255,6 +258,7 @@ _KINDS: tuple[Kind, ...] = (
         ParameterInfo("gain_error", "1", "factor of the sensor less one"),
         "one sensor off by the same share at every frequency and amplitude",
         "gain",
+        limits=("sensor_polarity",),
     ),
     SensorKind(
         "sensor_delay",

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy import suspicion
-from iwanjax.discrepancy.catalogue import ForceKind, JointKind
+from iwanjax.discrepancy.catalogue import ForceKind, JointKind, Kind, SensorKind
 from iwanjax.discrepancy.fitting import SHORT, fit_all
 from iwanjax.discrepancy.rounds import MIDDLE, STEPS, Entry, Grounds, cost_of, distinct
 from iwanjax.discrepancy.search import Search, Start
@@ -72,22 +72,32 @@ def with_limits(search: Search, entries: list[Entry], grounds: Grounds) -> list[
 def _simpler(search: Search, entry: Entry, grounds: Grounds) -> Iterator[tuple[Search, Start]]:
     """The entry with one kind's limit in its place, and the search that takes it."""
     hypothesis, start = entry.fitted.hypothesis, entry.fitted.start
-    rows = {place.label: place.row for place in grounds.places}
-    for slot, (kind, where) in enumerate(zip(hypothesis.kinds, hypothesis.where, strict=True)):
+    for slot, kind in enumerate(hypothesis.kinds):
         names = getattr(kind, "limits", ())
-        if not names or where not in rows:
-            continue
         # Without the joint that was left out its parameters, the last ones, go.
         own = search if isinstance(kind, JointKind) else entry.search
         z, others = start.common[: own.parameters], start.common[entry.search.parameters :]
         there = start._replace(theta=np.concatenate([z, others]))
         parts = [suspicion.alone(own, there, i) for i in range(len(hypothesis.kinds))]
         for limit in grounds.kinds:
-            if isinstance(limit, ForceKind) and limit.name in names:
-                for law in _laws(entry, slot, limit):
-                    force = suspicion.force(own, limit, where, rows[where], z, *law)
-                    parts[slot] = force
-                    yield own, suspicion.joined(own, parts)
+            if limit.name in names:
+                for one in _starts(own, entry, slot, limit, grounds, z):
+                    yield own, suspicion.joined(own, [*parts[:slot], one, *parts[slot + 1 :]])
+
+
+def _starts(
+    own: Search, entry: Entry, slot: int, limit: Kind, grounds: Grounds, z: np.ndarray
+) -> list[Start]:
+    """Where to begin with a limit alone, the joints at z."""
+    where = entry.fitted.hypothesis.where[slot]
+    if isinstance(limit, SensorKind):
+        which = grounds.sensors.index(where)
+        return [suspicion.sensor(own, limit, which, where, z, 0.0)]
+    if isinstance(limit, ForceKind):
+        row = next(place.row for place in grounds.places if place.label == where)
+        laws = _laws(entry, slot, limit)
+        return [suspicion.force(own, limit, where, row, z, *law) for law in laws]
+    return []
 
 
 def _laws(entry: Entry, slot: int, limit: ForceKind) -> list[_Law]:

@@ -90,6 +90,7 @@ def test_a_joint_owes_nothing_to_what_it_cannot_look_like():
         ("viscoelastic", "viscous_damping"),
         ("coulomb_friction", "stiffness_error"),
         ("gap_contact", "stiffness_error"),
+        ("sensor_gain", "sensor_polarity"),
     ],
 )
 def test_whatever_has_a_limit_that_does_as_well_comes_after_it(whole, limit):
