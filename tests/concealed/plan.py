@@ -299,8 +299,7 @@ SETS = {
     "fourth": _set(_drawn(4, 26, 4), DRAWN_EMPTY, 4, range(150, 200)),
     "fifth": _set(_drawn(5, 26, 4), DRAWN_EMPTY, 5, range(200, 250)),
 }
-"""Cases of each set: for development, three that were held back until they were opened, and the
-fifth, held back."""
+"""Cases of each set: for development, then four that were held back until they were opened."""
 
 
 def plan() -> tuple[Case, ...]:
