@@ -1,4 +1,4 @@
-"""The concealed cases with the sizes of their effects."""
+"""The concealed cases with the sizes of their effects, less those that were refused."""
 
 import json
 from dataclasses import replace
@@ -10,11 +10,16 @@ from concealed.plan import Case, plan
 SIZES = Path(__file__).with_name("sizes.json")
 
 
-def _sized(case: Case, table: dict[str, list[dict]]) -> Case:
-    """Put the sizes of the table into a case, checking that they belong to its effects."""
+def _sized(case: Case, table: dict[str, list[dict] | str]) -> Case | None:
+    """Put the sizes of the table into a case, checking that they belong to its effects.
+
+    None for one that was refused: the table then holds why.
+    """
     if not case.wanted:
         return case
     found = table.get(str(case.number), [])
+    if isinstance(found, str):
+        return None
     if [(f["kind"], f["where"]) for f in found] != [w[:2] for w in case.wanted]:
         raise ValueError(
             f"{SIZES.name} does not hold case {case.number} ({case.wanted}): "
@@ -24,5 +29,7 @@ def _sized(case: Case, table: dict[str, list[dict]]) -> Case:
     return replace(case, effects=effects)
 
 
-_TABLE: dict[str, list[dict]] = json.loads(SIZES.read_text())
-CASES: tuple[Case, ...] = tuple(_sized(case, _TABLE) for case in plan())
+_TABLE: dict[str, list[dict] | str] = json.loads(SIZES.read_text())
+CASES: tuple[Case, ...] = tuple(
+    case for planned in plan() if (case := _sized(planned, _TABLE)) is not None
+)

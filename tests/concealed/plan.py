@@ -298,8 +298,9 @@ SETS = {
     "third": _set(THIRD, EMPTY_THIRD, 3, range(101, 149)),
     "fourth": _set(_drawn(4, 26, 4), DRAWN_EMPTY, 4, range(150, 200)),
     "fifth": _set(_drawn(5, 26, 4), DRAWN_EMPTY, 5, range(200, 250)),
+    "sixth": _set(_drawn(6, 34, 6), DRAWN_EMPTY, 6, range(250, 310)),
 }
-"""Cases of each set: for development, then four that were held back until they were opened."""
+"""Cases of each set: for development, four that were held back until opened, one held back."""
 
 
 def plan() -> tuple[Case, ...]:

@@ -23,6 +23,10 @@ from concealed.structures import Array, tangent_stiffness
 SIZES = Path(__file__).with_name("sizes.json")
 BANDS = {"plain": (0.6, 1.1), "medium": (0.18, 0.36), "weak": (0.05, 0.09)}
 OVERSAMPLING = 8
+_REACHED = 0.8
+"""Of the lower end of its band: an effect that changes less at its largest size is refused."""
+Found = tuple[tuple[float, ...], float]
+"""Values of an effect and the relative change of the hardest recording."""
 Build = Callable[[Array], tuple[float | Array, ...]]
 """Values of an effect from its dimensionless size."""
 
@@ -147,7 +151,7 @@ def _sensor_values(case: Case, wanted: Wanted, rng: np.random.Generator) -> tupl
     return ()
 
 
-def find(case: Case, wanted: Wanted) -> tuple[tuple[float, ...], float]:
+def find(case: Case, wanted: Wanted) -> Found:
     """Return an effect's values and the relative change of the hardest recording."""
     kind, where, strength = wanted
     rng = np.random.default_rng([case.seed, len(kind), ord(kind[0])])
@@ -170,6 +174,21 @@ def find(case: Case, wanted: Wanted) -> tuple[tuple[float, ...], float]:
     return values, change
 
 
+def refusal(case: Case, found: list[Found]) -> str | None:
+    """Why effects are no concealed case, or None.
+
+    A size may not reach its band (stiction in a joint that hardly slips), and a softening spring
+    may let go in a recording that no size was judged on.
+    """
+    for (kind, where, strength), (_, change) in zip(case.wanted, found, strict=True):
+        if not kind.startswith("sensor") and change < _REACHED * BANDS[strength][0]:
+            return f"{kind} at {where} changes the hardest recording by {change:.3f} at most"
+    effects = tuple(Effect(w[0], w[1], f[0]) for w, f in zip(case.wanted, found, strict=True))
+    with np.errstate(all="ignore"):
+        response, _ = measure(case.structure, case.true, effects, case.hits, OVERSAMPLING)
+    return None if np.isfinite(response).all() else "a recording runs away"
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Fill sizes.json for all cases or for the named ones."""
     parser = argparse.ArgumentParser(description=main.__doc__)
@@ -179,13 +198,13 @@ def main(arguments: list[str] | None = None) -> None:
     for case in plan():
         if not case.wanted or (only and case.number not in only):
             continue
-        found = []
-        for wanted in case.wanted:
-            values, change = find(case, wanted)
-            kind, where, _ = wanted
-            found.append({"kind": kind, "where": where, "values": values, "change": change})
-            print(case.number, case.structure.name, *wanted, values, f"{change:.3f}", flush=True)
-        table[str(case.number)] = found
+        found = [find(case, wanted) for wanted in case.wanted]
+        why = refusal(case, found)
+        table[str(case.number)] = why or [
+            {"kind": kind, "where": where, "values": values, "change": change}
+            for (kind, where, _), (values, change) in zip(case.wanted, found, strict=True)
+        ]
+        print(case.number, case.structure.name, *case.wanted, why or found, flush=True)
         SIZES.write_text(json.dumps(dict(sorted(table.items(), key=lambda i: int(i[0]))), indent=1))
 
 
