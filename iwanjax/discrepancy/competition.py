@@ -146,13 +146,12 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
 def _polished(base: Entry, close: list[Entry], grounds: Grounds) -> tuple[Entry, list[Entry]]:
     """The nominal model and the last few suspects, or what appears only then, in the free run."""
     grounds.progress("polishing to the free run")
-    found = bool(close)
     for cycles in _LONG:
         before = base.fitted
         polished = again([base, *close], [], cycles, grounds)
         base = next(e for e in polished if not e.fitted.hypothesis.kinds)
         close = [e for e in polished if e.fitted.hypothesis.kinds]
-        if not found:
+        if not close:
             late = distinct([*close, *appearing(base.search, before, base.fitted, grounds)])
             base, late = ranked(base, late)
             close = finalists(base, late) if late and missing(base, late[0]) else []
@@ -237,7 +236,7 @@ def _restarted(
     for i, entry in enumerate(entries[:_RESTARTED]):
         start = entry.fitted.start
         hopeless = entry.fitted.cost > RACE * best.cost
-        if start.hypothesis.drifting is not None or hopeless or not grounds.in_time():
+        if hopeless or not grounds.in_time():
             continue
         draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
         starts = [Start(start.hypothesis, np.concatenate([z, start.common[p:]])) for z in draws]

@@ -13,7 +13,7 @@ from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.evidence import untried
 from iwanjax.discrepancy.held_out import Free, free_run, joined
-from iwanjax.discrepancy.measured import Prepared, Transient, prepared
+from iwanjax.discrepancy.measured import Prepared, Transient, common_noise, prepared
 from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
@@ -35,8 +35,9 @@ from iwanjax.types import ArrayLike, require_double_precision
 # Steps between samples: the fewest, and the most that are tried.
 _SUBSTEPS, _MOST_SUBSTEPS = 2, 4
 # Angle by which the fastest mode may turn in a step before more steps are compared with it, and
-# their difference that is none beside the noise.
-_TURN, _SAME_AS = 0.7, 0.3
+# their difference that is none beside the noise: with the memory that fits are compared with, and
+# in the free run, where errors add up.
+_TURN, _SAME_AS = 0.7, {MIDDLE: 0.3, math.inf: 0.7}
 # Error over the noise's from which on something is left unexplained.
 _UNEXPLAINED = 1.25
 # The same over held-out recordings, where parameters count with so many deviations.
@@ -121,6 +122,7 @@ def diagnose(
     rows_out = np.stack([finite_array(row, name) for name, row in sensors.items()])
     known = np.full(len(rows_out), np.nan) if noise is None else np.asarray(noise, float)
     _check(recordings, len(rows_in), len(rows_out))
+    known = np.where(np.isnan(known), common_noise(recordings), known)
     joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
     forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
     made = partial(
@@ -233,26 +235,32 @@ def _resolved(
 ) -> tuple["_Sides", Search, ModalCoordinates]:
     """What is to be fitted, with as many steps between samples as change no residual any more."""
 
-    def of(substeps: int) -> tuple[_Sides, Search, ModalCoordinates, np.ndarray]:
+    def of(substeps: int) -> tuple[_Sides, Search, ModalCoordinates]:
         by, modal = made(substeps)
         sides = _Sides.of(recordings, by, modal, known)
         noise = np.median(sides.fitted.noise, axis=0)
-        search = Search(by, joints, sides.fitted.data, noise)
-        return sides, search, modal, glance(search, [_given(search)], MIDDLE)[0]
+        return sides, Search(by, joints, sides.fitted.data, noise, sides.order), modal
 
-    sides, search, modal, residual = of(_SUBSTEPS)
+    coarse = of(_SUBSTEPS)
+    search = coarse[1]
     _require_same_units(search)
     by = search.predictor
     if math.sqrt(float(np.max(by.omega2))) * float(by.dt) > _TURN:
         finer = of(_MOST_SUBSTEPS)
-        change = float(np.max(np.sqrt(np.mean((finer[3] - residual) ** 2, axis=(1, 2)))))
+        changed = max(_change(search, finer[1], *each) for each in _SAME_AS.items())
         # Errors of fourth order in the step, of which the finer ones have next to nothing.
-        enough = math.ceil(_SUBSTEPS * (change / _SAME_AS) ** 0.25)
+        enough = math.ceil(_SUBSTEPS * changed**0.25)
         if enough >= _MOST_SUBSTEPS:
-            return finer[:3]
+            return finer
         if enough > _SUBSTEPS:
-            return of(enough)[:3]
-    return sides, search, modal
+            return of(enough)
+    return coarse
+
+
+def _change(search: Search, finer: Search, cycles: float, unit: float) -> float:
+    """What finer steps change in the residuals of the recording that changes most."""
+    off = glance(finer, [_given(finer)], cycles)[0] - glance(search, [_given(search)], cycles)[0]
+    return float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2))))) / unit
 
 
 def _given(search: Search) -> tuple[Hypothesis, np.ndarray]:
@@ -304,7 +312,7 @@ class _Sides:
     def free(self, entry: Entry) -> tuple[Free, Free | None]:
         """Free runs against both."""
         found = [
-            free_run(entry.search, entry.fitted, batches, self.order) if batches else None
+            free_run(entry.search, entry.fitted, batches) if batches else None
             for batches in ([(self.fitted, self.order)], self.held)
         ]
         assert found[0] is not None

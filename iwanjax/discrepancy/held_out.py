@@ -13,7 +13,7 @@ from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.macroslip import Alternative, alternatives
 from iwanjax.discrepancy.measured import Prepared
 from iwanjax.discrepancy.residuals import evaluate, glance
-from iwanjax.discrepancy.search import Search, drifting_values, free_values
+from iwanjax.discrepancy.search import Search, drifting_values, elapsed, free_values, rates
 
 
 class Free(NamedTuple):
@@ -95,7 +95,6 @@ def free_run(
     search: Search,
     fitted: Fitted,
     batches: Sequence[tuple[Prepared, Sequence[int]]],
-    order: Sequence[int],
 ) -> Free:
     """A fitted model against recordings, integrated from rest under the measured forces.
 
@@ -108,11 +107,9 @@ def free_run(
     batches : sequence of (Prepared, places)
         Recordings, as many to a batch as were fitted, with their places in the study, by which
         a joint's drift is told.
-    order : sequence of int
-        Places of the recordings that were fitted.
     """
     other = alternatives(search, fitted)
-    parts = [_free(search, fitted, other, each, places, order) for each, places in batches]
+    parts = [_free(search, fitted, other, each, places) for each, places in batches]
     return joined(parts)
 
 
@@ -129,11 +126,10 @@ def _free(
     other: Sequence[Alternative],
     those: Prepared,
     places: Sequence[int],
-    order: Sequence[int],
 ) -> Free:
     here = replace(search, data=those.data)
     count = len(those.names)
-    theta = _expected(search, fitted, places, order)
+    theta = _expected(search, fitted, places)
     R = search.recordings
     rows = search.still(np.stack([theta[min(i, count - 1)] for i in range(R)]))
     weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
@@ -146,11 +142,10 @@ def _free(
     gram = np.einsum("rins,rjns->rij", kicked, kicked)
     own = own + np.einsum("rii->r", gram)
     scatter = 2.0 * np.sum(gram**2, axis=(1, 2))
-    shared = free_values(search, fitted.hypothesis)
-    slopes = np.asarray(seen.slopes)[:count][:, shared] / safe[:, None]
+    known, slopes = _open(search, fitted, places, np.asarray(seen.slopes)[:count])
+    slopes = slopes / safe[:, None]
     open_to = np.einsum("rins,rjns->rij", slopes, slopes)
-    k = len(shared)
-    unsure = np.einsum("rij,ij->r", open_to, covariance(search, fitted)[:k, :k])
+    unsure = np.einsum("rij,ij->r", open_to, known)
     p = search.parameters
     moved = np.tile(rows, (len(other), 1, 1))
     moved[:, :, :p] += np.array([each.change for each in other]).reshape(-1, 1, p)
@@ -162,18 +157,30 @@ def _free(
     return Free(those.names, error, measured, own, scatter, unsure)
 
 
-def _expected(
-    search: Search, fitted: Fitted, places: Sequence[int], order: Sequence[int]
-) -> np.ndarray:
+def _open(
+    search: Search, fitted: Fitted, places: Sequence[int], slopes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance of what the recordings have in common, and derivatives in it at these places."""
+    hypothesis = fitted.hypothesis
+    shared, along = free_values(search, hypothesis), rates(search, hypothesis)
+    columns = [slopes[:, shared]]
+    if hypothesis.drifting is not None:
+        own = slopes[:, drifting_values(search, hypothesis.drifting)]
+        columns.append(own * elapsed(search, places)[: len(own), None, None, None])
+    which = [*range(len(shared)), *along]
+    known = covariance(search, fitted)[np.ix_(which, which)]
+    return known, np.concatenate(columns, axis=1)
+
+
+def _expected(search: Search, fitted: Fitted, places: Sequence[int]) -> np.ndarray:
     """Values for recordings at these places in the study: what drifts goes on in line."""
-    theta = fitted.theta[:, : fitted.values]
+    theta, order = fitted.theta[:, : fitted.values], search.order
     rows = np.tile(theta.mean(axis=0), (len(places), 1))
     if fitted.hypothesis.drifting is None:
         return rows
-    for value in drifting_values(search, fitted.hypothesis.drifting):
-        if all(place in order for place in places):
-            rows[:, value] = [theta[list(order).index(place), value] for place in places]
-        else:
-            slope, level = np.polyfit(np.asarray(order, float), theta[:, value], 1)
-            rows[:, value] = level + slope * np.asarray(places, float)
+    if all(place in order for place in places):
+        return theta[[order.index(place) for place in places]]
+    values = drifting_values(search, fitted.hypothesis.drifting)
+    for value, rate in zip(values, rates(search, fitted.hypothesis), strict=True):
+        rows[:, value] = theta[0, value] + fitted.x[rate] * elapsed(search, places)
     return rows

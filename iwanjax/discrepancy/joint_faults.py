@@ -54,6 +54,11 @@ class Limits(NamedTuple):
     worth: float
 
 
+def limited(search: Search, nominal: Fitted, best: float, cycles: float) -> Limits:
+    """One step of the nominal model, and what must be gained beside it to be worth a fit."""
+    return Limits(best, (1.0 - INDULGENCE) * foreseen(search, [nominal.start], cycles)[0])
+
+
 def with_joint_faults(
     search: Search,
     nominal: Fitted,
@@ -72,9 +77,7 @@ def with_joint_faults(
         return entries
     known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
     grounds.progress("refitting joints of other kinds")
-    # One step of the nominal model, and what must be gained beside it to be worth a fit.
-    worth = (1.0 - INDULGENCE) * foreseen(search, [nominal.start], SHORT)[0]
-    limits = Limits(best.cost, worth)
+    limits = limited(search, nominal, best.cost, SHORT)
     found = _joints_left_out(search, known, limits, grounds, _JOINT_PLACES if left else 1)
     found += _rivals(search, found, known, limits, grounds)
     pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]

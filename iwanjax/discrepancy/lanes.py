@@ -9,7 +9,14 @@ import numpy as np
 
 from iwanjax.discrepancy.measured import DIRECTIONS
 from iwanjax.discrepancy.residuals import Seen, correlation_time, evaluate
-from iwanjax.discrepancy.search import Hypothesis, Search, Start, drifting_values, free_values
+from iwanjax.discrepancy.search import (
+    Hypothesis,
+    Search,
+    Start,
+    drifting_values,
+    elapsed,
+    free_values,
+)
 
 # Prior deviations beyond which no joint is looked for.
 _FARTHEST = 8.0
@@ -23,8 +30,10 @@ _PATIENCE = 2
 # that they are kept for at most.
 _AS_FORESEEN, _LONGEST_KEPT = (0.6, 1.5), 4
 _DAMPING, _MOST_DAMPING = 1e-2, 1e7
-# Deviation of the change of a joint's parameters between recordings, in prior deviations.
-_DRIFT = 2.0
+# Deviations of what a joint's parameters change from the first recording to the last, and of each
+# recording from an even change, in prior deviations: a soft hit tells nothing of macroslip, and
+# what it leaves open is on the line.
+_DRIFT, _UNEVEN = 2.0, 0.1
 
 
 class Layout(NamedTuple):
@@ -57,13 +66,16 @@ def _laid_out(search: Search, start: Start) -> tuple[Layout, np.ndarray]:
             precision.append(1.0)
             x.append(0.0)
     if hypothesis.drifting is not None:
+        line = elapsed(search, search.order)
         for i in drifting_values(search, hypothesis.drifting):
+            change = given[:, i] - given[0, i] if len(given) > 1 else np.zeros(R)
+            columns.append(np.outer(line, eye[i]))
+            precision.append(_DRIFT**-2)
+            x.append(change[-1])
             for r in range(1, R):
-                one = np.zeros((R, len(base)))
-                one[r, i] = 1.0
-                columns.append(one)
-                precision.append(_DRIFT**-2)
-                x.append(given[r, i] - given[0, i] if len(given) > 1 else 0.0)
+                columns.append(np.outer(np.arange(R) == r, eye[i]))
+                precision.append(_UNEVEN**-2)
+                x.append(change[r] - line[r] * change[-1])
     base[shared] = 0.0
     T = np.stack(columns, axis=-1)
     return Layout(np.tile(base, (R, 1)), T, np.array(precision)), np.array(x)

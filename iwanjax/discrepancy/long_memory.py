@@ -2,7 +2,7 @@
 
 from iwanjax.discrepancy.evidence import evidence, left_by_noise
 from iwanjax.discrepancy.fitting import Fitted, fit_all
-from iwanjax.discrepancy.joint_faults import Limits, stuck
+from iwanjax.discrepancy.joint_faults import limited, stuck
 from iwanjax.discrepancy.rounds import (
     LEAST_PROMISE,
     RACE,
@@ -51,6 +51,6 @@ def appearing(search: Search, before: Fitted, now: Fitted, grounds: Grounds) -> 
     starts = [c.start for c in screened(search, now, grounds)[:_REFITTED] if c.drop > least]
     fits = fit_all(search, starts, now.cycles, STEPS, race=RACE, in_time=grounds.in_time)
     enough = now.cost - _SHARE * (now.cost - usual)
-    sticking = stuck(search, now, Limits(now.cost, now.cost), grounds, now.cycles)
+    sticking = stuck(search, now, limited(search, now, now.cost, now.cycles), grounds, now.cycles)
     found = [*(Entry(search, each) for each in fits), *sticking]
     return placed([each for each in found if cost_of(each) < enough])

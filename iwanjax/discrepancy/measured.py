@@ -26,6 +26,9 @@ _ALWAYS = 0.05
 # Samples before the first force that a sensor's noise is measured on, and those beside it that
 # a sensor's own filter may spoil.
 _ENOUGH, _SPOILT = 20, 8
+# Largest over smallest variance of a sensor's noise, beyond which its recordings differ: with five
+# of 20 samples each one in a hundred does by chance (Hartley's test).
+_OTHER_NOISE = 4.6
 # Share of a channel's root mean square that a model may be off by and still be right.
 _MODEL_ERROR = 0.002
 # Share of a force's peak that its samples may be off by while it acts.
@@ -314,11 +317,43 @@ def _unsure(made: Predictor, modal: ModalCoordinates, force: Force) -> np.ndarra
     return found
 
 
+def common_noise(recordings: Sequence[Transient]) -> np.ndarray:
+    """Standard deviation of each sensor's noise over all recordings, held-out ones as well.
+
+    Some dozens of samples before a trigger leave a deviation open by a tenth, and with it how
+    much of a residual is noise.
+
+    Parameters
+    ----------
+    recordings : sequence of Transient
+        All with the same sensors.
+
+    Returns
+    -------
+    (sensors,) array
+        NaN where nothing was measured before a force, or recordings differ: a range that was
+        switched between them.
+    """
+    quiet = [_before(each.response, cleaned(each.force.astype(float)).first) for each in recordings]
+    quiet = [each for each in quiet if len(each) >= _ENOUGH]
+    if not quiet:
+        return np.full(recordings[0].response.shape[1], np.nan)
+    variances = np.stack([np.var(each, axis=0, ddof=1) for each in quiet])
+    freedoms = np.array([len(each) - 1.0 for each in quiet])
+    alike = variances.max(axis=0) < _OTHER_NOISE * variances.min(axis=0)
+    return np.where(alike, np.sqrt(freedoms @ variances / freedoms.sum()), np.nan)
+
+
+def _before(response: np.ndarray, first: int) -> np.ndarray:
+    """Samples that nothing moves in yet."""
+    return response[_SPOILT : max(_SPOILT, first - _SPOILT)].astype(float)
+
+
 def _noise(response: np.ndarray, first: int) -> np.ndarray:
     """Of the sensors before the first force; else of third differences at the end."""
-    before = response[_SPOILT : max(0, first - _SPOILT)]
+    before = _before(response, first)
     if len(before) >= _ENOUGH:
-        return np.std(before, axis=0)
+        return np.std(before, axis=0, ddof=1)
     tail = response[-(len(response) // 8) : -_SPOILT]
     # Third differences of white noise have twenty times its variance.
     return np.std(np.diff(tail, 3, axis=0), axis=0) / np.sqrt(20.0)

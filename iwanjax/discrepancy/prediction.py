@@ -19,7 +19,7 @@ from iwanjax.discrepancy.sensor_chain import DELAY_NODES, chain
 from iwanjax.discrepancy.suspects import Suspects, Values, sizes_of
 from iwanjax.dynamics.balance import Joints
 from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
-from iwanjax.joints import AbstractJoint
+from iwanjax.joints import AbstractJoint, Reaction
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.small import solve_general
 
@@ -28,6 +28,8 @@ Quantity = Literal["acceleration", "velocity", "displacement"]
 
 # Modes beyond this share of the sampling rate act by their flexibility.
 _HIGHEST = 0.6
+# Of a deflection: a smaller change of it says nothing of a stiffness.
+_STILL = 1e-6
 
 
 class Data(NamedTuple):
@@ -75,7 +77,7 @@ class Predictor(eqx.Module):
 
     Modes are exact; forces of joints and suspects are parabolas over a step. They are
     extrapolated from their last three values, evaluated where that leads, and corrected by one
-    Newton step with the joints' tangents: third order, one evaluation a step.
+    Newton step with the joints' chords: third order, one evaluation a step.
 
     Attributes
     ----------
@@ -368,7 +370,8 @@ class _Run(NamedTuple):
         predictor, n = self.by, self.by.joints.shape[0]
         reaction = self.elements.step(d, v, predictor.dt, at.joints)
         off = predictor.stiffness * d - reaction.force - expected[:n]
-        slope = (predictor.stiffness - reaction.stiffness)[:, None] * self.compliance[:n, :n]
+        stiffness = self._chords(d, reaction, at)
+        slope = (predictor.stiffness - stiffness)[:, None] * self.compliance[:n, :n]
         slope = slope - reaction.damping[:, None] * self.mobility[:n, :n]
         J = jnp.eye(n) - slope
         e = jnp.stack(solve_general([[J[i, j] for j in range(n)] for i in range(n)], list(off)))
@@ -384,8 +387,25 @@ class _Run(NamedTuple):
         late = (-total - expected[n:]) / (1.0 + inertia)
         # What remembers too early an end turns back from it: at strong slip that would build up.
         by = self.compliance[:n, :n] @ e
-        joints = self.elements.settled(reaction.state, by, reaction.stiffness)
+        joints = self.elements.settled(reaction.state, by, stiffness)
         return jnp.concatenate([e, late]), joints, jnp.stack(memory, axis=1)
+
+    def _chords(self, d: Array, reaction: Reaction, at: _State) -> Array:
+        """Stiffnesses from the end of the last step to d.
+
+        Where macroslip begins a tangent jumps, and with it a whole recording by as little as
+        the last digit of a parameter: a chord does not, and elsewhere differs to an order that
+        does not count. What depends on the rate keeps its tangent.
+        """
+        n, m = self.by.joints.shape[0], self.mobility.shape[0]
+        last = at.d[:n] + self.compliance[:n, :n] @ at.g[3 * m : 3 * m + n]
+        moved, risen = d - last, reaction.force - self.by.stiffness * last + at.g[:n]
+        known = (jnp.abs(moved) > _STILL * jnp.abs(d)) & (reaction.damping == 0.0)
+        chord = risen / jnp.where(known, moved, 1.0)
+        # Between stuck and what it is at d: a little way back and forth tells less than that.
+        ends = reaction.stiffness, self.by.stiffness
+        chord = jnp.clip(chord, jnp.minimum(*ends), jnp.maximum(*ends))
+        return jnp.where(known, chord, reaction.stiffness)
 
     def seen(self, at: _State, push: Array) -> Array:
         """What faultless sensors show."""

@@ -99,6 +99,8 @@ class Search:
         To be fitted.
     noise : (sensors,) array
         Deviations.
+    order : tuple of int
+        Places of the recordings in the study, by which a joint's drift is told.
     compiled : set of (str, int)
         Kernels that there are already, and for how many slots.
     """
@@ -107,6 +109,7 @@ class Search:
     joints: tuple[Joint, ...]
     data: Data
     noise: np.ndarray
+    order: tuple[int, ...]
     compiled: set[tuple[str, int]] = field(default_factory=set, repr=False)
     _process: dict[float, float] = field(default_factory=dict, repr=False)
 
@@ -241,6 +244,24 @@ def free_values(search: Search, hypothesis: Hypothesis) -> list[int]:
     for slot, (size, shape) in enumerate(zip(hypothesis.sizes, hypothesis.shapes, strict=True)):
         found += [p + 2 * slot] * size + [p + 2 * slot + 1] * shape
     return found
+
+
+def elapsed(search: Search, places: Sequence[int]) -> np.ndarray:
+    """How far a drift has come at places in the study: 0 in the first recording, 1 in the last."""
+    first, last = search.order[0], search.order[-1]
+    return (np.asarray(places, float) - first) / max(last - first, 1)
+
+
+def rates(search: Search, hypothesis: Hypothesis) -> list[int]:
+    """Places, in what is fitted, of how far the values that drift go in all."""
+    if hypothesis.drifting is None:
+        return []
+    first = len(free_values(search, hypothesis)) + search.recordings * DIRECTIONS
+    # Each is followed by how far the later recordings are off the line.
+    return [
+        first + i * search.recordings
+        for i in range(len(drifting_values(search, hypothesis.drifting)))
+    ]
 
 
 def drifting_values(search: Search, joint: int) -> list[int]:

@@ -14,7 +14,7 @@ from iwanjax.discrepancy.catalogue import ForceKind, JointKind, SensorKind
 from iwanjax.discrepancy.evidence import covariance
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.places import Place
-from iwanjax.discrepancy.search import Hypothesis, Search, Start, drifting_values, free_values
+from iwanjax.discrepancy.search import Hypothesis, Search, Start, free_values, rates
 from iwanjax.discrepancy.sensitivity import Joint, joints_of, located
 from iwanjax.discrepancy.suspects import Suspects
 from iwanjax.joints import Iwan4, Iwan5, ParameterInfo
@@ -256,17 +256,14 @@ def _of_joint(
 ) -> tuple[Estimate, ...]:
     theta = fitted.theta.mean(axis=0)
     if kind.name == "joint_drift":
-        assert fitted.hypothesis.drifting is not None
-        rows = drifting_values(search, fitted.hypothesis.drifting)
-        index = np.arange(len(fitted.theta)) - 0.5 * (len(fitted.theta) - 1)
-        return tuple(
-            Estimate(
-                info,
-                float(index @ (_PRIOR[info.name] * fitted.theta[:, row]) / (index @ index)),
-                math.nan,
-            )
-            for info, row in zip(kind.parameters, rows, strict=True)
-        )
+        known = covariance(search, fitted)
+        span = search.order[-1] - search.order[0]
+        found = []
+        for info, rate in zip(kind.parameters, rates(search, fitted.hypothesis), strict=True):
+            each = _PRIOR[info.name] / span
+            std = math.sqrt(max(float(known[rate, rate]), 0.0))
+            found.append(Estimate(info, each * float(fitted.x[rate]), each * std))
+        return tuple(found)
     stuck = kind.name == "stiction"
     places = [4] if stuck else list(range(search.parameters - 4, search.parameters))
     joints = joints_of(search.joints, jax.device_put(theta[: search.parameters]))

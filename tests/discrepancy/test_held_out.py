@@ -1,7 +1,11 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from iwanjax.discrepancy import lanes
 from iwanjax.discrepancy.held_out import Free, joined
+from iwanjax.discrepancy.search import elapsed, rates
 
 RNG = np.random.default_rng(3)
 
@@ -34,3 +38,29 @@ def test_over_several_recordings_it_averages_out():
     assert one.floors_95()["rec0"] == pytest.approx(several.floors_95()["rec5"])
     assert several.floor_95 < 0.8 * one.floor_95
     assert joined([one, several]).floor_95 < several.floor_95
+
+
+@pytest.fixture
+def loosening(monkeypatch):
+    """A joint of four parameters whose F_S and K_T drift over recordings 0, 1 and 3 of a study."""
+    hypothesis = SimpleNamespace(drifting=0, sizes=(False,), shapes=(False,))
+    parameters = [SimpleNamespace(name=name) for name in ("F_S", "K_T", "chi", "beta")]
+    joint = SimpleNamespace(given=SimpleNamespace(parameters=parameters))
+    return hypothesis, SimpleNamespace(parameters=4, recordings=3, order=(0, 1, 3), joints=(joint,))
+
+
+def test_a_drift_goes_on_in_line(loosening):
+    hypothesis, search = loosening
+    theta = np.zeros((3, 6))
+    theta[:, 0] = 0.4, 0.2, -0.2
+    theta[:, 1] = 0.3, 0.25, 0.25
+    layout, x = lanes._laid_out(search, SimpleNamespace(hypothesis=hypothesis, theta=theta))
+    np.testing.assert_allclose((layout.base + layout.T @ x)[:, :6], theta, atol=1e-12)
+    of_strength, of_stiffness = rates(search, hypothesis)
+    assert x[of_strength] == pytest.approx(-0.6)
+    assert x[of_stiffness] == pytest.approx(-0.05)
+    # An even change costs less than the same one all at once.
+    off_the_line = layout.precision * x**2
+    np.testing.assert_allclose(off_the_line[of_strength + 1 : of_strength + 3], 0.0, atol=1e-12)
+    assert off_the_line[of_stiffness + 1] > off_the_line[of_stiffness]
+    np.testing.assert_allclose(elapsed(search, [2, 4]), [2 / 3, 4 / 3])

@@ -29,6 +29,7 @@ def looked(monkeypatch):
                 SimpleNamespace(cost=suspects[i]) for i in starts
             ],
         )
+        monkeypatch.setattr(long_memory, "limited", lambda *args: None)
         monkeypatch.setattr(long_memory, "stuck", lambda *args: [])
         monkeypatch.setattr(long_memory, "placed", lambda entries: entries)
         found = long_memory.appearing(

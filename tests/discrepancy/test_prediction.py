@@ -15,11 +15,11 @@ from iwanjax.discrepancy.at_rest import columns_at_rest
 from iwanjax.discrepancy.band import in_band
 from iwanjax.discrepancy.fitting import SHORT, fit_all
 from iwanjax.discrepancy.hold import hold
-from iwanjax.discrepancy.measured import Transient, cleaned, prepared
+from iwanjax.discrepancy.measured import Transient, cleaned, common_noise, prepared
 from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import predictor
-from iwanjax.discrepancy.residuals import evaluate, innovations
+from iwanjax.discrepancy.residuals import evaluate, glance, innovations
 from iwanjax.discrepancy.search import Search, Start
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.sensor_chain import change_by_delay
@@ -31,9 +31,9 @@ KINDS = ("cubic_stiffness", "mass_error")
 RNG = np.random.default_rng(3)
 
 
-def structure():
-    linear = ij.LinearStructure(np.diag([1.0, 1.5]), 2e-5 * K + 0.1 * np.eye(2), K)
-    joint = ij.Iwan4(F_S=6.0, K_T=3e4, chi=-0.5, beta=1.5)
+def structure(stiffer=1.0):
+    linear = ij.LinearStructure(np.diag([1.0, 1.5]), 2e-5 * K + 0.1 * np.eye(2), stiffer * K)
+    joint = ij.Iwan4(F_S=6.0, K_T=stiffer * 3e4, chi=-0.5, beta=1.5)
     return ij.JointedStructure(linear, {"J1": (ROWS["J1"], joint)})
 
 
@@ -45,15 +45,16 @@ def pulse():
     return force
 
 
-def search(response, substeps, quantity="acceleration", force=None, names=KINDS):
+def search(response, substeps, quantity="acceleration", force=None, names=KINDS, stiffer=1.0):
     kinds = tuple(CATALOGUE[name][0] for name in names)
+    model = structure(stiffer)
     made, modal = predictor(
-        structure(), jnp.array([[1.0, 0.0]]), jnp.eye(2), RATE, quantity, kinds, substeps
+        model, jnp.array([[1.0, 0.0]]), jnp.eye(2), RATE, quantity, kinds, substeps
     )
     recording = Transient("rec", response, pulse() if force is None else force)
     seen = prepared([recording], made, modal, np.array([0.01, 0.01]), N, 1)
-    joints = tuple(Joint(joint, jnp.ones(4)) for joint in structure().elements)
-    return Search(made, joints, seen.data, np.array([0.01, 0.01])), np.asarray(modal.Phi)
+    joints = tuple(Joint(joint, jnp.ones(4)) for joint in model.elements)
+    return Search(made, joints, seen.data, np.array([0.01, 0.01]), (0,)), np.asarray(modal.Phi)
 
 
 def predicted(made, hypothesis=None, theta=None, cycles=math.inf):
@@ -330,3 +331,36 @@ def test_odd_pulses_are_warned_of():
         recording = Transient("rec", RNG.standard_normal((N, 2)), force)
         warnings = prepared([recording], made, modal, np.full(2, np.nan), N, 1).warnings
         assert (word in warnings[0]) if word else not warnings
+
+
+def test_where_macroslip_begins_nothing_jumps():
+    # A short blow and coarse steps: a step ends far off its forecast, at times beyond macroslip.
+    force = np.zeros((N, 1))
+    force[39:42, 0] = 15.0, 30.0, 15.0
+    made, _ = search(np.ones((N, 2)), 1, force=force, stiffer=20.0)
+    strengths = np.linspace(-0.3, 0.3, 301)
+    lanes = [(made.nothing(), made.still(np.array([F_S, 0, 0, 2.0, 0, 0]))) for F_S in strengths]
+    found = np.stack(glance(made, lanes, math.inf))
+    steps = np.sqrt(np.sum(np.diff(found, axis=0) ** 2, axis=(1, 2, 3)))
+    assert np.max(steps) < 2.0 * np.median(steps)
+
+
+def quiet(deviation, before, sensors=2):
+    """A recording of noise before a blow."""
+    response = deviation * RNG.standard_normal((N, sensors))
+    force = np.zeros((N, 1))
+    force[before : before + 10] = 1.0
+    response[before:] += 50.0 * np.exp(-np.arange(N - before) / 50.0)[:, None]
+    return Transient("rec", response, force)
+
+
+def test_noise_is_that_of_all_recordings():
+    short = [quiet(0.3, 50) for _ in range(40)]
+    np.testing.assert_allclose(common_noise(short), 0.3, rtol=0.05)
+    # Nothing before the blow tells nothing, and takes nothing from the others.
+    np.testing.assert_allclose(common_noise([*short, quiet(5.0, 10)]), common_noise(short))
+    assert np.all(np.isnan(common_noise([quiet(0.3, 10)])))
+
+
+def test_noise_of_another_range_is_its_own():
+    assert np.all(np.isnan(common_noise([quiet(0.3, 200), quiet(3.0, 200)])))

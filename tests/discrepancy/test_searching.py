@@ -173,7 +173,7 @@ def searching(response: np.ndarray) -> tuple[Search, Grounds]:
     force = np.array([[pulse(i / RATE)] for i in range(N)])
     noise = np.array([1e-3 * np.std(response)])
     seen = prepared([Transient("rec", response, force)], made, modal, noise, N, 1)
-    search = Search(made, (Joint(joint, jnp.full(4, 1e-3)),), seen.data, noise)
+    search = Search(made, (Joint(joint, jnp.full(4, 1e-3)),), seen.data, noise, (0,))
     row = {"J1": np.ones(1) @ np.asarray(modal.Phi)}
     places = places_of(search, followed(search), row)
     return search, Grounds(kinds, places, ("a1",), ("J1",), lambda: True, lambda line: None)

@@ -78,7 +78,7 @@ def fitted(peak: float, F_S: float):
     )
     recording = Transient("rec", response, force[::16, None])
     seen = prepared([recording], made, modal, noise, N, 1)
-    search = Search(made, (Joint(given, jnp.ones(4)),), seen.data, noise)
+    search = Search(made, (Joint(given, jnp.ones(4)),), seen.data, noise, (0,))
     start = Start(search.nothing(), np.zeros(6))
     short = fit_all(search, [start], 8.0, 20)[0]
     return search, fit_all(search, [short.start], math.inf, 20)[0]
