@@ -86,7 +86,7 @@ def left_by_noise(search: Search) -> float:
     return float(np.sum((OF_NOISE * search.noise * weight) ** 2))
 
 
-def scale(search: Search, fitted: Fitted) -> float:
+def scale(search: Search, fitted: Fitted, unsure: float = 0.0) -> float:
     """What differences of squares between rivals of a fit are to be divided by.
 
     What exceeds the noise is the model's own error. It goes a few ways only, an amplitude and a
@@ -99,9 +99,11 @@ def scale(search: Search, fitted: Fitted) -> float:
         That it was fitted with.
     fitted : Fitted
         The best model.
+    unsure : float
+        Share of the noise's square that may be error of the model as well.
     """
     table = evidence(search, [fitted])
-    error = float(fitted.misfit.sum()) - left_by_noise(search)
+    error = float(fitted.misfit.sum()) - (1.0 - unsure) * left_by_noise(search)
     ways = 2 * search.predictor.kept * search.recordings
     return max(table.temperature * table.tau, 1.0 + error / ways)
 

@@ -146,10 +146,20 @@ def fit_all(
                 tried.append((lane, x))
         if not tried:
             break
+        tried = _bent(search, tried, cycles)
         found = glance(search, [(lane.hypothesis, lane.theta(x)) for lane, x in tried], cycles)
         for (lane, x), residual in zip(tried, found, strict=True):
             lane.tried(x, residual, tolerance)
     return [_fitted(lane, cycles) for lane in lanes]
+
+
+def _bent(
+    search: Search, tried: Sequence[tuple[Lane, np.ndarray]], cycles: float
+) -> list[tuple[Lane, np.ndarray]]:
+    """Steps of searches that a straight step has failed, bent along their valleys."""
+    where = [(lane.hypothesis, lane.theta(lane.glimpse(x))) for lane, x in tried if lane.bent]
+    seen = iter(glance(search, where, cycles))
+    return [(lane, lane.along_the_valley(x, next(seen)) if lane.bent else x) for lane, x in tried]
 
 
 def moved(search: Search, fitted: Fitted, change: np.ndarray) -> Fitted:

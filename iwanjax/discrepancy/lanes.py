@@ -30,6 +30,8 @@ _PATIENCE = 2
 # that they are kept for at most.
 _AS_FORESEEN, _LONGEST_KEPT = (0.6, 1.5), 4
 _DAMPING, _MOST_DAMPING = 1e-2, 1e7
+# Share of a step at which it is seen how a valley bends, and the most that the step is bent by.
+_GLIMPSE, _MOST_BENT = 0.1, 0.75
 # Deviations of what a joint's parameters change from the first recording to the last, and of each
 # recording from an even change, in prior deviations: a soft hit tells nothing of macroslip, and
 # what it leaves open is on the line.
@@ -98,6 +100,8 @@ class Lane:
     slow: int = 0
     kept: int = 0
     stale: bool = False
+    bent: bool = False
+    ahead: float = 0.0
 
     @property
     def prior(self) -> float:
@@ -158,18 +162,64 @@ class Lane:
         """The next x; None when none is left to try."""
         logs = _leaping(self.hypothesis, self.layout)
         precision = self.temperature * self.tau * self.layout.precision
-        normal = self._squares + np.diag(precision)
         moment = np.einsum("rik,ri->k", self.layout.T, self.seen.moment) + precision * self.x
-        diagonal = np.diag(normal)
-        border = np.full(len(self.x), np.inf)
-        border[: self.joints] = _FARTHEST
         while self.damping < _MOST_DAMPING:
-            scaled = normal + self.damping * np.diag(diagonal + 1e-12 * diagonal.max())
-            move = step_within(scaled, moment, self.x, border)
+            move = step_within(self._damped, moment, self.x, self._border)
             if np.all(np.isfinite(move)) and np.all(np.abs(move[logs]) <= _LEAP):
+                self.ahead = -float(move @ (2.0 * self._moment + self.normal @ move))
                 return self.x + move
             self.damping *= _RAISED
         return None
+
+    @property
+    def _damped(self) -> np.ndarray:
+        """What a step is solved by."""
+        normal = self._squares + np.diag(self.temperature * self.tau * self.layout.precision)
+        diagonal = np.diag(normal)
+        return normal + self.damping * np.diag(diagonal + 1e-12 * diagonal.max())
+
+    @property
+    def _border(self) -> np.ndarray:
+        """Largest magnitude of each of x."""
+        border = np.full(len(self.x), np.inf)
+        border[: self.joints] = _FARTHEST
+        return border
+
+    def glimpse(self, x: np.ndarray) -> np.ndarray:
+        """A little of the way to x."""
+        return self.x + _GLIMPSE * (x - self.x)
+
+    def along_the_valley(self, x: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        r"""The next x, bent as the residuals' second derivative along the step says.
+
+        .. math:: \Delta x_2 = -\tfrac{1}{2} (J^T J + \lambda D)^{-1} J^T e'',
+
+        geodesic acceleration (Transtrum & Sethna 2012): joints whose parameters do nearly the
+        same lie in valleys that are long, narrow and bent, where a straight step leads up the
+        side.
+
+        Parameters
+        ----------
+        x : (free,) array
+            As proposed.
+        residual : (recordings, N, sensors) array
+            At the glimpse of it.
+        """
+        move, J = x - self.x, self.seen.slopes.reshape(*self.seen.slopes.shape[:2], -1)
+        risen = (residual - self.seen.residual).reshape(len(J), -1) / _GLIMPSE
+        straight = np.einsum("rin,ri->rn", J, self.layout.T @ move)
+        bend = np.einsum("rin,rn->ri", J, 2.0 / _GLIMPSE * (risen - straight))
+        damped = self._damped
+        try:
+            more = -0.5 * np.linalg.solve(damped, np.einsum("rik,ri->k", self.layout.T, bend))
+        except np.linalg.LinAlgError:
+            return x
+        size = np.sqrt(np.diag(damped))
+        bent, length = np.linalg.norm(size * more), np.linalg.norm(size * move)
+        if not math.isfinite(bent):
+            return x
+        more *= min(1.0, _MOST_BENT * length / max(2.0 * bent, 1e-300))
+        return np.clip(x + more, -self._border, self._border)
 
     def tried(self, x: np.ndarray, residual: np.ndarray, tolerance: float) -> None:
         """Go to x if that gains anything, by the residuals there.
@@ -182,16 +232,16 @@ class Lane:
         gain = self.tau * (before - self._objective(x, square))
         if not gain > 0:
             self.stale = self.kept > 0
+            self.bent = self.bent or not self.stale
             self.damping *= 1.0 if self.stale else _RAISED
             return
-        foreseen = -float(move @ (2.0 * self._moment + self.normal @ move))
         fallen = self.cost - square - self._prior(x)
         self.seen = self.seen.beside(self.layout.T @ move, residual)
         self.x, self.tau, self.kept = x, correlation_time(residual), self.kept + 1
         self.damping = max(self.damping * _EASED, 1e-9)
         self.slow = self.slow + 1 if gain < tolerance * min(self.cost, self.count) else 0
         low, high = _AS_FORESEEN
-        well = low * foreseen < fallen < high * foreseen and self.kept < _LONGEST_KEPT
+        well = low * self.ahead < fallen < high * self.ahead and self.kept < _LONGEST_KEPT
         if self.slow >= _PATIENCE and (well or self.kept == 1):
             self.converged, self.active = True, False
         self.stale = self.active and not (well and self.slow < _PATIENCE)

@@ -18,6 +18,8 @@ _AS_MUCH = 1.02
 # and how far behind without it they may be to change places there: a longer memory finds errors
 # of the model's own, not other evidence of that size.
 _FINALISTS, _BEST_FITS, _HOPE = 3, 2, 100.0
+# Share of the noise's square that some hundred samples before the triggers leave open.
+_UNSURE = 0.05
 
 
 def finalists(base: Entry, entries: Sequence[Entry]) -> list[Entry]:
@@ -64,7 +66,7 @@ def doubted(search: Search, entries: Sequence[Entry]) -> list[Entry]:
     """
     best = entries[0].fitted
     table = evidence(search, [best])
-    share = table.temperature * table.tau / scale(search, best)
+    share = table.temperature * table.tau / scale(search, best, _UNSURE)
     return [replace(e, behind=e.behind * share) for e in entries]
 
 
