@@ -1,12 +1,16 @@
 """The generator of concealed cases integrates and slips as the field's formulas say."""
 
 import ast
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from concealed.cases import CASES, SIZES
 from concealed.physics import Effect, Hit, JointBank, integrate, slider_bank
+from concealed.plan import plan
+from concealed.sizing import refusal
 from concealed.structures import chain
 
 
@@ -58,3 +62,21 @@ def test_the_generator_shares_nothing_with_the_package():
         # Of the package only the mesh behind one structure's matrices is used.
         shared = {"iwanjax", "jax"} if source.name == "brake_reuss.py" else set()
         assert names & {"iwanjax", "numba", "jax"} == shared, source.name
+
+
+def test_what_does_not_show_as_it_should_or_runs_away_is_no_case():
+    case = next(c for c in plan() if [w[::2] for w in c.wanted] == [("cubic_stiffness", "medium")])
+    hardening, softening = ((1e4,), 0.2), ((-1e15,), 0.2)
+    assert refusal(case, [hardening]) is None
+    assert "0.010 at most" in (refusal(case, [((1e4,), 0.01)]) or "")
+    assert "runs away" in (refusal(case, [softening]) or "")
+
+
+def test_refused_cases_are_left_out():
+    refused = {
+        int(n) for n, found in json.loads(SIZES.read_text()).items() if isinstance(found, str)
+    }
+    numbers = {case.number for case in CASES}
+    assert refused
+    assert not refused & numbers
+    assert refused | numbers == {case.number for case in plan()}
