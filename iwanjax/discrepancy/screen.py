@@ -108,12 +108,12 @@ def screen(
     for unit, size, drop in _judged(search, base, forces, of_sensors, rated):
         if size != 0 and not (unit.kind.positive and size < 0):
             propose(unit.kind, unit.where, drop, partial(unit.sized, size))
-    if not others:
-        ready = _drifts(search, kinds, joints, known, explained, whole, total, z)
-        ready += _limits(search, base, kinds, sensors, z)
-        for start, drop in ready:
-            (kind,), (where,) = start.hypothesis.kinds, start.hypothesis.where
-            propose(kind, where, drop, lambda start=start: start)
+    ready = _limits(search, base, others, kinds, sensors, z)
+    if base.hypothesis.drifting is None:
+        ready += _drifts(search, kinds, joints, known, explained, whole, total, z)
+    for start, drop in ready:
+        (kind,), (where,) = start.hypothesis.kinds, start.hypothesis.where
+        propose(kind, where, drop, lambda start=start: start)
     return [
         Candidate(suspicion.joined(search, [*others, start()]), drop)
         for drop, start in sorted(best.values(), key=lambda each: -each[0])
@@ -188,9 +188,14 @@ def _drifts(
 
 
 def _limits(
-    search: Search, base: Fitted, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
+    search: Search,
+    base: Fitted,
+    others: Sequence[Start],
+    kinds: Sequence[Kind],
+    sensors: Sequence[str],
+    z: np.ndarray,
 ) -> list[tuple[Start, float]]:
-    """Drops of faults that are tried as they are: limits and wrong signs."""
+    """Drops of faults that are tried as they are, beside the others: limits and wrong signs."""
     largest = np.max(np.abs(np.asarray(search.data.response)), axis=(0, 1))
     starts = []
     for kind in kinds:
@@ -205,9 +210,9 @@ def _limits(
     if not starts:
         return []
     states = base.theta[:, base.values :]
+    whole = [suspicion.joined(search, [*others, start]) for start in starts]
     lanes = [
-        (s.hypothesis, np.hstack([np.tile(s.theta, (search.recordings, 1)), states]))
-        for s in starts
+        (s.hypothesis, np.hstack([np.tile(s.theta, (search.recordings, 1)), states])) for s in whole
     ]
     seen = glance(search, lanes, base.cycles)
     before = float(base.misfit.sum())

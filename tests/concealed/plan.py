@@ -300,7 +300,7 @@ SETS = {
     "fifth": _set(_drawn(5, 26, 4), DRAWN_EMPTY, 5, range(200, 250)),
     "sixth": _set(_drawn(6, 34, 6), DRAWN_EMPTY, 6, range(250, 310)),
 }
-"""Cases of each set: for development, four that were held back until opened, one held back."""
+"""Cases of each set: for development, then five that were held back until they were opened."""
 
 
 def plan() -> tuple[Case, ...]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -201,3 +202,19 @@ def test_a_spring_is_found_behind_what_has_it_for_a_limit():
     assert {e.fitted.hypothesis.label for e in found} <= {
         f"{name}@J1" for name in ("stiffness_error", "viscous_damping", "viscoelastic")
     }
+
+
+def test_a_limit_is_looked_for_beside_another_suspect():
+    response = struck(lambda d: 8e3 * d)
+    limit = 0.7 * np.max(np.abs(response))
+    search, grounds = searching(np.clip(response, -limit, limit))
+    grounds = replace(grounds, kinds=(*grounds.kinds, *CATALOGUE["sensor_saturation"]))
+    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
+    spring = next(
+        c.start
+        for c in screened(search, base, grounds)
+        if c.start.hypothesis.kinds[0].name == "stiffness_error"
+    )
+    first = fit_all(search, [spring], SHORT, STEPS)[0]
+    found = screened(search, first, grounds)[0].start.hypothesis
+    assert found.label == "stiffness_error@J1 + sensor_saturation@a1"
