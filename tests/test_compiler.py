@@ -7,6 +7,9 @@ import pytest
 from iwanjax import compiler
 
 FLAG = "--xla_cpu_use_fusion_emitters=false"
+LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
+PRODUCTS = "--xla_cpu_experimental_ynn_fusion_type="
+ALL = f"{FLAG} {LOOP} {PRODUCTS}"
 
 
 @pytest.fixture
@@ -25,21 +28,28 @@ def flags(monkeypatch):
 
 
 def test_a_flag_is_added_where_it_is_known(flags):
-    assert flags("0.10.2", None) == FLAG
-    assert flags("0.10.0", "--xla_some=1") == f"--xla_some=1 {FLAG}"
+    assert flags("0.10.2", None) == ALL
+    assert flags("0.10.0", "--xla_some=1") == f"--xla_some=1 {ALL}"
     # An unknown flag stops the process.
     assert flags("0.12.0.1", None) is None
     assert flags("1.0", "--xla_some=1") == "--xla_some=1"
 
 
 def test_what_the_user_has_set_stays(flags):
-    assert flags("0.10.2", FLAG.replace("false", "true")) == FLAG.replace("false", "true")
+    other = FLAG.replace("false", "true")
+    assert flags("0.10.2", other) == f"{other} {LOOP} {PRODUCTS}"
+    assert flags("0.10.2", ALL) == ALL
 
 
-def test_xla_takes_it():
-    code = (
-        "import iwanjax, iwanjax.compiler as c; c.compile_quickly();"
-        "import jax.numpy as jnp; assert jnp.sin(0.0) == 0.0"
-    )
+def test_xla_takes_it_and_loops_are_in_one_piece():
+    code = """
+import iwanjax, iwanjax.compiler as c; c.compile_quickly()
+import jax, jax.numpy as jnp
+def step(x, u): return jnp.tanh(A @ x) + u, x[0]
+A = 0.5 * jnp.eye(8)
+run = jax.jit(lambda x, u: jax.lax.scan(step, x, u)).lower(A, jnp.ones(3000)).compile()
+if c._jaxlib() == c._KNOWN_BY: assert "xla_cpu_small_call" in run.as_text(), run.as_text()
+assert jnp.isfinite(run(A, jnp.ones(3000))[0]).all()
+"""
     environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
