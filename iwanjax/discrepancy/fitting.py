@@ -12,8 +12,8 @@ from iwanjax.discrepancy.search import Hypothesis, Search, Start
 
 SHORT = 2.0
 """The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""
-# Steps before a search may be given up.
-_HEAD_START = 3
+# Steps before a search may be given up, and before it may be for the root of the factor.
+_HEAD_START, _LATE = 3, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +92,7 @@ def fit_all(
     tolerance: float = 1e-3,
     race: float = math.inf,
     best: float = math.inf,
+    at_most: int | None = None,
     in_time: Callable[[], bool] = lambda: True,
 ) -> list[Fitted]:
     """Levenberg-Marquardt from many starts, in step.
@@ -111,9 +112,11 @@ def fit_all(
     tolerance : float
         Relative gain below which, twice in a row, a search ends.
     race : float
-        Times the best one's cost from which on a search is given up.
+        Times the best one's cost from which on a search is given up; later on the root of it.
     best : float
         Cost that others have reached.
+    at_most : int, optional
+        How many of them go on after the first few steps.
     in_time : function
         False when it is time to stop.
 
@@ -130,8 +133,10 @@ def fit_all(
             break
         if step >= _HEAD_START:
             best = min(best, *(lane.cost for lane in lanes))
-            for lane in lanes:
-                lane.active = lane.active and lane.cost < race * best
+            within = race if step < _LATE else math.sqrt(race)
+            for place, lane in enumerate(sorted(lanes, key=lambda each: each.cost)):
+                ahead = at_most is None or place < at_most
+                lane.active = lane.active and ahead and lane.cost < within * best
         stale = [lane for lane in lanes if lane.active and lane.stale]
         at = [(lane.hypothesis, lane.theta(lane.x)) for lane in stale]
         for lane, seen in zip(stale, evaluate(search, at, cycles), strict=True):

@@ -16,6 +16,7 @@ from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspects import Suspects
 
 # Kernels that run at once, of one hypothesis each: as many to a kernel are no quicker together.
+# Derivatives come in as many parts, so that no core waits for a hypothesis on its own.
 _THREADS = 2
 
 _Found = TypeVar("_Found")
@@ -26,10 +27,16 @@ class Seen(NamedTuple):
 
     Attributes
     ----------
-    misfit, moment, normal, residual
-        As of :class:`Reduced`: its cost, moment, normal and e.
-    slopes : array
-        Its J.
+    misfit : (recordings,) array
+        Sums of the residuals' squares.
+    moment : (recordings, directions) array
+        J^T e.
+    normal : (recordings, directions, directions) array
+        J^T J.
+    residual : (recordings, N, sensors) array
+        e, weighted.
+    slopes : (recordings, directions, N, sensors) array
+        J, its derivatives.
     """
 
     misfit: np.ndarray
@@ -37,6 +44,15 @@ class Seen(NamedTuple):
     normal: np.ndarray
     residual: np.ndarray
     slopes: np.ndarray
+
+    @classmethod
+    def of(cls, residual: np.ndarray, slopes: np.ndarray) -> "Seen":
+        """What least squares needs of residuals and derivatives."""
+        e, J = residual.reshape(len(residual), -1), slopes.reshape(*slopes.shape[:2], -1)
+        # A run that breaks down may have derivatives beyond all bounds; no step is taken there.
+        with np.errstate(over="ignore", invalid="ignore"):
+            moment, normal = (J @ e[:, :, None])[:, :, 0], J @ np.swapaxes(J, 1, 2)
+        return cls(np.einsum("rn,rn->r", e, e), moment, normal, residual, slopes)
 
     def beside(self, move: np.ndarray, residual: np.ndarray) -> "Seen":
         r"""What is seen after a move, derivatives corrected only by what it has shown.
@@ -58,32 +74,37 @@ class Seen(NamedTuple):
         square = np.einsum("ri,ri->r", weighed, move)
         share = weighed / np.where(square > 0, square, np.inf)[:, None]
         e = residual.reshape(R, -1)
-        surprise = e - self.residual.reshape(R, -1) - np.einsum("rin,ri->rn", J, move)
+        surprise = e - self.residual.reshape(R, -1) - (move[:, None] @ J)[:, 0]
         J = J + share[:, :, None] * surprise[:, None]
-        return Seen(
-            np.einsum("rn,rn->r", e, e),
-            np.einsum("rin,rn->ri", J, e),
-            J @ np.swapaxes(J, 1, 2),
-            residual,
-            J.reshape(self.slopes.shape),
-        )
+        return Seen.of(residual, J.reshape(self.slopes.shape))
 
 
 def evaluate(
     search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
 ) -> list[Seen]:
-    """Residuals and their reduced derivatives, for (hypothesis, theta of each recording)."""
+    """Residuals and their derivatives, for (hypothesis, theta of each recording)."""
     if not lanes:
         return []
     gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles)
+    values = lanes[0][1].shape[1]
+    size = math.ceil(values / _THREADS)
+    # All parts are of one size, for one kernel.
+    ways = np.eye(_THREADS * size, values)
+    turned = np.zeros((len(lanes), len(ways), *gains.gain.shape[1:]))
+    turned[:, : gains.slope.shape[1]] = gains.slope
 
-    def run(i: int) -> Seen:
-        fixed, gain, slope = _fixed(search, *lanes[i]), gains.gain[i], gains.slope[i]
-        found = sensitivity.reduced(*fixed, gain, slope, search.data)
-        e, cost, moment, normal, J = (np.asarray(x) for x in found)
-        return Seen(cost, moment, normal, e, J)
+    J = np.empty((len(lanes), search.recordings, len(ways), *search.data.response.shape[1:]))
 
-    return _each(search, "derivatives", lanes, run)
+    def run(i: int) -> np.ndarray:
+        lane, part = i // _THREADS, slice(i % _THREADS * size, (i % _THREADS + 1) * size)
+        fixed = _fixed(search, *lanes[lane])
+        along = jax.device_put((ways[part], gains.gain[lane], turned[lane, part]))
+        e, J[lane, :, part] = sensitivity.slopes(*fixed, *along, search.data)
+        return np.asarray(e)
+
+    slots = lanes[0][0].suspects.row.shape[0]
+    found = _each(search, ("slopes", slots), _THREADS * len(lanes), run)
+    return [Seen.of(e, own[:, :values]) for e, own in zip(found[::_THREADS], J, strict=True)]
 
 
 def glance(
@@ -112,7 +133,8 @@ def _glanced(
         found = sensitivity.residuals(*fixed, gains[i], search.data)
         return np.asarray(found[0]), np.asarray(found[1])
 
-    return _each(search, "residuals", lanes, run)
+    slots = lanes[0][0].suspects.row.shape[0]
+    return _each(search, ("residuals", slots), len(lanes), run)
 
 
 def _means(lanes: Sequence[tuple[Hypothesis, np.ndarray]]) -> np.ndarray:
@@ -126,18 +148,14 @@ def _fixed(
 
 
 def _each(
-    search: Search,
-    kernel: str,
-    lanes: Sequence[tuple[Hypothesis, np.ndarray]],
-    run: Callable[[int], _Found],
+    search: Search, kernel: tuple[str, int], count: int, run: Callable[[int], _Found]
 ) -> list[_Found]:
-    """All lanes side by side; the first alone while a kernel is compiled: two would both do it."""
-    key = (kernel, lanes[0][0].suspects.row.shape[0])
-    alone = 0 if key in search.compiled else 1
+    """All jobs side by side; the first alone while a kernel is compiled: two would both do it."""
+    alone = 0 if kernel in search.compiled else 1
     found = [run(i) for i in range(alone)]
-    search.compiled.add(key)
+    search.compiled.add(kernel)
     with ThreadPoolExecutor(_THREADS) as pool:
-        return [*found, *pool.map(run, range(alone, len(lanes)))]
+        return [*found, *pool.map(run, range(alone, count))]
 
 
 def correlation_time(residual: np.ndarray) -> float:

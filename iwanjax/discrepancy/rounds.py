@@ -27,6 +27,8 @@ LEAST_PROMISE = 3.0
 # Steps of a polish, and times the best cost from which on it is given up: what is left needs
 # no last digit.
 _POLISH, _HOPELESS = 15, 30.0
+# Times that a search may take its steps again.
+_MORE = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +79,18 @@ class Entry:
 def screened(search: Search, base: Fitted, grounds: Grounds) -> list[Candidate]:
     """All that may be suspected beside a fit, the most promising first."""
     return screen(search, base, grounds.kinds, grounds.places, grounds.sensors, grounds.joints)
+
+
+def settled(search: Search, fitted: Fitted, grounds: Grounds) -> Fitted:
+    """A fit, gone on with alone until its search ends by itself.
+
+    What a search leaves that crept along a valley looks as if something were missing.
+    """
+    for _ in range(_MORE):
+        if fitted.converged or not grounds.in_time():
+            break
+        (fitted,) = fit_all(search, [fitted.start], fitted.cycles, STEPS, in_time=grounds.in_time)
+    return fitted
 
 
 def placed(entries: Sequence[Entry]) -> list[Entry]:

@@ -1,4 +1,4 @@
-"""Compiled kernels: residuals of many hypotheses with their derivatives, reduced where made."""
+"""Compiled kernels: residuals of a hypothesis, their derivatives, what a small suspect changes."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -124,30 +124,6 @@ def tangents(
     return jax.vmap(one)(z)
 
 
-class Reduced(NamedTuple):
-    """Weighted residuals e and what least squares needs of their derivatives J.
-
-    Attributes
-    ----------
-    e : (recordings, N, sensors) array
-        Residuals.
-    cost : (recordings,) array
-        Their sum of squares.
-    moment : (recordings, directions) array
-        J^T e.
-    normal : (recordings, directions, directions) array
-        J^T J.
-    J : (recordings, directions, N, sensors) array
-        The derivatives.
-    """
-
-    e: Float[Array, "recordings N sensors"]
-    cost: Float[Array, " recordings"]
-    moment: Float[Array, "recordings directions"]
-    normal: Float[Array, "recordings directions directions"]
-    J: Float[Array, "recordings directions N sensors"]
-
-
 def split(theta: Array, parameters: int, slots: int) -> Values:
     """Values from one vector: joints, slots, state."""
     end = parameters + 2 * slots
@@ -208,36 +184,34 @@ def _whole(e: Array, data: Data) -> Array:
 
 
 @_kept
-def reduced(
+def slopes(
     predictor: Predictor,
     joints: tuple[Joint, ...],
     suspects: Suspects,
     theta: Float[Array, "recordings values"],
+    ways: Float[Array, "ways values"],
     gain: Float[Array, "states sensors"],
-    slope: Float[Array, "values states sensors"],
+    turned: Float[Array, "ways states sensors"],
     data: Data,
-) -> Reduced:
-    """Residuals of a hypothesis in each recording, with derivatives in theta, as a tuple.
+) -> tuple[Float[Array, "recordings N sensors"], Float[Array, "recordings ways N sensors"]]:
+    """Residuals of a hypothesis in each recording, and their derivatives along some ways.
 
-    ``slope`` is how the observer's gain, designed for each theta, changes with it.
+    ``turned`` is how the observer's gain, designed for each theta, changes along them.
     """
     parameters = sum(len(joint.given.parameters) for joint in joints)
     slots = suspects.row.shape[0]
 
-    def one(theta: Array, data: Data) -> Reduced:
+    def one(theta: Array, data: Data) -> tuple[Array, Array]:
         def residual(theta: Array, gain: Array) -> Array:
             values = split(theta, parameters, slots)
             return _weighted(predictor, joints, suspects, values, gain, data)
 
-        def along(one: Array, turned: Array) -> tuple[Array, Array]:
-            return jax.jvp(residual, (theta, gain), (one, turned))
+        def along(way: Array, turned: Array) -> tuple[Array, Array]:
+            return jax.jvp(residual, (theta, gain), (way, turned))
 
-        # The residual itself is worked out once for all directions.
-        e, J = jax.vmap(along, out_axes=(None, 0))(jnp.eye(theta.shape[0]), slope)
-        e = _whole(e, data)
-        J = jnp.where(jnp.isfinite(J), J, 0.0)
-        flat = J.reshape(theta.shape[0], -1)
-        return Reduced(e, jnp.sum(e**2), flat @ e.ravel(), flat @ flat.T, J)
+        # The residual itself is worked out once for all ways.
+        e, J = jax.vmap(along, out_axes=(None, 0))(ways, turned)
+        return _whole(e, data), jnp.where(jnp.isfinite(J), J, 0.0)
 
     return jax.vmap(one)(theta, data)
 
