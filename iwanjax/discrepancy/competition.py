@@ -242,7 +242,7 @@ def _restarted(
     grounds.progress("refitting the best suspects from other joints")
     random = np.random.default_rng(seed)
     p = search.parameters
-    found = list(entries)
+    found, shortest = list(entries), math.inf
     for i, entry in enumerate(entries[:_RESTARTED]):
         start = entry.fitted.start
         hopeless = entry.fitted.cost > RACE * best.cost
@@ -250,12 +250,10 @@ def _restarted(
             continue
         draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
         starts = [Start(start.hypothesis, np.concatenate([z, start.common[p:]])) for z in draws]
-        fits: list[Fitted] = []
-        for some in (starts[:_RESTARTED], starts[_RESTARTED:]):
-            # The first few that agree are taken for all.
-            if not fits or max(e.cost for e in fits) > _SAME * min(e.cost for e in fits):
-                fits += fit_all(search, some, _SHORTEST, STEPS, race=RACE, in_time=grounds.in_time)
-        fits.sort(key=lambda each: each.cost)
+        fits = _scattered(search, starts, shortest, grounds)
+        if fits[0].cost > _FAR * shortest:
+            continue
+        shortest = min(shortest, fits[0].cost)
         for cycles in (SHORT, MIDDLE):
             fits = fit_all(
                 search,
@@ -271,6 +269,31 @@ def _restarted(
             found[i] = replace(entry, fitted=fits[0])
         best = min(best, fits[0], key=lambda each: each.cost)
     return sorted(found, key=cost_of)
+
+
+def _scattered(
+    search: Search, starts: Sequence[Start], best: float, grounds: Grounds
+) -> list[Fitted]:
+    """Fits from joints all over with the shortest memory, the best first.
+
+    The first few are taken for all where they agree, or are far behind the best of another.
+    """
+    fits: list[Fitted] = []
+    for some in (starts[:_RESTARTED], starts[_RESTARTED:]):
+        costs = [each.cost for each in fits]
+        if fits and (max(costs) < _SAME * min(costs) or min(costs) > _FAR * best):
+            break
+        fits += fit_all(
+            search,
+            some,
+            _SHORTEST,
+            STEPS,
+            race=RACE,
+            best=best,
+            at_most=_THIRD,
+            in_time=grounds.in_time,
+        )
+    return sorted(fits, key=lambda each: each.cost)
 
 
 def _renominated(

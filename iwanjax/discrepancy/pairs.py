@@ -71,7 +71,7 @@ def _beside(search: Search, first: Fitted, grounds: Grounds) -> tuple[list[Fitte
     if first.cost < MISFIT * noise and promise < _margin(table, first):
         return [], []
     starts = [c.start for c in candidates[:_SECONDS]]
-    pairs = fit_all(search, starts, SHORT, STEPS, in_time=grounds.in_time)
+    pairs = fit_all(search, starts, SHORT, STEPS, at_most=_PARTNERS, in_time=grounds.in_time)
     pairs.sort(key=lambda each: each.cost)
     pairs = fit_all(
         search, [each.start for each in pairs[:_PARTNERS]], MIDDLE, STEPS, in_time=grounds.in_time
@@ -111,7 +111,15 @@ def _repaired(
         near = [c for c in candidates if c.start.hypothesis.where[-1] == place]
         for c in [*candidates[:_PARTNERS], *near[:_PARTNERS]]:
             starts.setdefault(c.start.hypothesis.variant, c.start)
-    found = fit_all(search, list(starts.values()), SHORT, STEPS, race=RACE, in_time=grounds.in_time)
+    found = fit_all(
+        search,
+        list(starts.values()),
+        SHORT,
+        STEPS,
+        race=RACE,
+        at_most=_PARTNERS,
+        in_time=grounds.in_time,
+    )
     found.sort(key=lambda each: each.cost)
     return fit_all(
         search, [each.start for each in found[:_PARTNERS]], MIDDLE, STEPS, in_time=grounds.in_time

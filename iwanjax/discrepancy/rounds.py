@@ -132,10 +132,13 @@ def again(
     cycles: float,
     grounds: Grounds,
 ) -> list[Entry]:
-    """Entries refitted with another memory, those of one search side by side; then the others."""
+    """Entries refitted with another memory, those of one search side by side; then the others.
+
+    The best one's search first, so that those of others need not go on for nothing.
+    """
     found: list[Entry] = []
     groups: dict[tuple[int, int], list[Entry]] = {}
-    for entry in entries:
+    for entry in sorted(entries, key=cost_of):
         key = (id(entry.search), len(entry.fitted.hypothesis.sizes))
         groups.setdefault(key, []).append(entry)
     long = cycles > MIDDLE
@@ -148,6 +151,7 @@ def again(
             _POLISH if long else STEPS,
             tolerance=1e-4 if long else 1e-3,
             race=_HOPELESS,
+            best=min(map(cost_of, found), default=math.inf),
             in_time=grounds.in_time,
         )
         found += [replace(entry, fitted=fit) for entry, fit in zip(group, fits, strict=True)]
