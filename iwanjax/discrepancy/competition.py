@@ -132,23 +132,57 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         entries = doubled(search, [first, *entries[1:]], grounds)
     entries = with_joint_faults(search, nominal, shorts, entries, candidates, grounds)
     base, entries = ranked(base, entries)
-    detected = bool(entries) and missing(base, entries[0])
-    if detected:
+    if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_limits(search, entries, grounds))
-    base, close = _polished(base, finalists(base, entries) if detected else [], grounds)
+    scores = tuple(
+        Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
+        for c in candidates
+    )
+    return _concluded(base, entries, scores, grounds)
+
+
+def refined(search: Search, finer: Search, table: Table, grounds: Grounds) -> Table:
+    """The end of a competition again, with finer steps between samples.
+
+    Parameters
+    ----------
+    search, finer : Search
+        As it was, and with finer steps.
+    table : Table
+        How it ended with the former.
+    grounds : Grounds
+        What may be suspected.
+    """
+    longest = table.best.fitted.cycles
+    close = [e for e in table.entries if e.fitted.cycles == longest and e.search is search]
+    rest = [e for e in table.entries if e not in close]
+    moved = [replace(e, search=finer) for e in (table.nominal, *close)]
+    fitted = again(moved, [], MIDDLE, grounds)
+    base = next(e for e in fitted if not e.fitted.hypothesis.kinds)
+    base, entries = ranked(base, [e for e in fitted if e.fitted.hypothesis.kinds])
+    found = _concluded(base, entries, table.scores, grounds)
+    return found._replace(entries=(*found.entries, *_behind_all(found.entries, rest)))
+
+
+def _concluded(
+    base: Entry, entries: list[Entry], scores: tuple[Score, ...], grounds: Grounds
+) -> Table:
+    """The last few polished to the free run, and where all ended."""
+    hopeful = bool(entries) and missing(base, entries[0])
+    base, close = _polished(base, finalists(base, entries) if hopeful else [], grounds)
     known = {e.fitted.hypothesis.variant for e in close}
     rest = [e for e in entries if e.fitted.hypothesis.variant not in known]
     # What a longer memory does not bear out was an error of the model's own.
     detected = bool(close) and missing(base, close[0])
     close = [replace(e, fitted=in_the_middle(e.search, e.fitted)) for e in close]
-    floor = min((e.behind for e in close), default=0.0)
-    rest = [replace(e, behind=min(e.behind, floor)) for e in rest]
     base = replace(base, fitted=in_the_middle(base.search, base.fitted))
-    scores = tuple(
-        Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
-        for c in candidates
-    )
-    return Table(detected, base, (*close, *rest), scores)
+    return Table(detected, base, (*close, *_behind_all(close, rest)), scores)
+
+
+def _behind_all(first: Sequence[Entry], rest: Sequence[Entry]) -> list[Entry]:
+    """Entries that were left earlier: no nearer than the last of those that were not."""
+    floor = min((e.behind for e in first), default=0.0)
+    return [replace(e, behind=min(e.behind, floor)) for e in rest]
 
 
 def _polished(base: Entry, close: list[Entry], grounds: Grounds) -> tuple[Entry, list[Entry]]:

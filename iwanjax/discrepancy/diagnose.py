@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import jax
@@ -12,39 +11,28 @@ import numpy as np
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.evidence import untried
-from iwanjax.discrepancy.held_out import Free, free_run, joined
-from iwanjax.discrepancy.measured import Prepared, Transient, common_noise, prepared
+from iwanjax.discrepancy.held_out import Free, joined
+from iwanjax.discrepancy.measured import Transient, common_noise
 from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
-from iwanjax.discrepancy.prediction import Predictor, Quantity, predictor
+from iwanjax.discrepancy.prediction import Quantity, predictor
 from iwanjax.discrepancy.ranking import containing
-from iwanjax.discrepancy.residuals import glance, innovations
+from iwanjax.discrepancy.resolution import Resolution
 from iwanjax.discrepancy.restoring import restoring_force
-from iwanjax.discrepancy.rounds import MIDDLE, Entry, Grounds
-from iwanjax.discrepancy.search import Hypothesis, Search
+from iwanjax.discrepancy.rounds import Grounds
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspicion import estimates
 from iwanjax.discrepancy.verdict import Diagnosis, Errors, Suspect, alike
-from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
-# Steps between samples: the fewest, and the most that are tried.
-_SUBSTEPS, _MOST_SUBSTEPS = 2, 4
-# Angle by which the fastest mode may turn in a step before more steps are compared with it, and
-# their difference that is none beside the noise: with the memory that fits are compared with, and
-# in the free run, where errors add up.
-_TURN, _SAME_AS = 0.7, {MIDDLE: 0.3, math.inf: 0.7}
 # Error over the noise's from which on something is left unexplained.
 _UNEXPLAINED = 1.25
 # The same over held-out recordings, where parameters count with so many deviations.
 _UNFORESEEN, _DEVIATIONS = 1.5, 2.0
-# Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
-# worth that much.
-_OTHER_UNITS = 100.0
 # Evidences closer than this cannot be told apart.
 _ALIKE = 3.0
 
@@ -134,20 +122,26 @@ def diagnose(
         quantity,
         forces,
     )
-    sides, search, modal = _resolved(made, joints, recordings, known)
-    seen = sides.fitted
-    shapes = np.asarray(modal.Phi)
+    resolution = Resolution(made, joints, recordings, known)
+    now = resolution.of_model()
+    shapes = np.asarray(now.modal.Phi)
     moving = {name: row @ shapes for name, row in rows.items() if np.any(row @ shapes)}
-    states = followed(search)
     grounds = Grounds(
         kinds,
-        places_of(search, states, moving),
+        places_of(now.search, followed(now.search), moving),
         tuple(sensors),
         tuple(structure.labels),
         lambda: time.perf_counter() - started < budget,
         progress,
     )
-    table = competition.run(search, grounds, seed)
+    table = competition.run(now.search, grounds, seed)
+    if table.detected and table.best.search is now.search and grounds.in_time():
+        finer = resolution.of_fit(now, table.best.fitted)
+        if finer is not now:
+            progress("polishing again, with finer steps")
+            table = competition.refined(now.search, finer.search, table, grounds)
+            now = finer
+    sides, search, _ = now
     progress("predicting the held-out recordings")
     before = sides.free(table.nominal)
     after = sides.free(table.best) if table.detected else before
@@ -162,8 +156,8 @@ def diagnose(
         own = [entry for entry in table.entries if entry.search is search]
         if own and own[0] is table.best:
             others = [entry.fitted for entry in own[1:]]
-            restoring = restoring_force(search, states, own[0].fitted, 0, others)
-    warnings = [*seen.warnings, *sides.warnings()]
+            restoring = restoring_force(search, followed(search), own[0].fitted, 0, others)
+    warnings = [*sides.fitted.warnings, *sides.warnings()]
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
         for name in rows
@@ -225,107 +219,6 @@ def _unforeseen(held_out: Free) -> list[str]:
         "account for: either something acts only there, or the joints were fitted to the wrong "
         "end; hold out others and compare"
     ]
-
-
-def _resolved(
-    made: Callable[[int], tuple[Predictor, ModalCoordinates]],
-    joints: tuple[Joint, ...],
-    recordings: Sequence[Transient],
-    known: np.ndarray,
-) -> tuple["_Sides", Search, ModalCoordinates]:
-    """What is to be fitted, with as many steps between samples as change no residual any more."""
-
-    def of(substeps: int) -> tuple[_Sides, Search, ModalCoordinates]:
-        by, modal = made(substeps)
-        sides = _Sides.of(recordings, by, modal, known)
-        noise = np.median(sides.fitted.noise, axis=0)
-        return sides, Search(by, joints, sides.fitted.data, noise, sides.order), modal
-
-    coarse = of(_SUBSTEPS)
-    search = coarse[1]
-    _require_same_units(search)
-    by = search.predictor
-    if math.sqrt(float(np.max(by.omega2))) * float(by.dt) > _TURN:
-        finer = of(_MOST_SUBSTEPS)
-        changed = max(_change(search, finer[1], *each) for each in _SAME_AS.items())
-        # Errors of fourth order in the step, of which the finer ones have next to nothing.
-        enough = math.ceil(_SUBSTEPS * changed**0.25)
-        if enough >= _MOST_SUBSTEPS:
-            return finer
-        if enough > _SUBSTEPS:
-            return of(enough)
-    return coarse
-
-
-def _change(search: Search, finer: Search, cycles: float, unit: float) -> float:
-    """What finer steps change in the residuals of the recording that changes most."""
-    off = glance(finer, [_given(finer)], cycles)[0] - glance(search, [_given(search)], cycles)[0]
-    return float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2))))) / unit
-
-
-def _given(search: Search) -> tuple[Hypothesis, np.ndarray]:
-    """The model with its joints as given."""
-    return search.nothing(), search.still(np.zeros(search.parameters + 2))
-
-
-def _require_same_units(search: Search) -> None:
-    """Refuse recordings that are of quite another size than the forces can have caused."""
-    quantity = search.predictor.quantity
-    seen = np.asarray(search.data.weight) > 0
-    measured = np.asarray(search.data.response)[seen]
-    predicted = measured - innovations(search, *_given(search), math.inf)[seen]
-    ratio = math.sqrt(float(np.mean(measured**2) / np.mean(predicted**2)))
-    if math.isfinite(ratio) and not 1.0 / _OTHER_UNITS < ratio < _OTHER_UNITS:
-        raise InputError(
-            f"recordings: the measured {quantity} is {ratio:.2g} times what the model predicts "
-            "from the forces; are forces, responses and matrices in one system of units?"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Sides:
-    """Recordings to fit, and those held out in batches of the same size."""
-
-    fitted: Prepared
-    order: tuple[int, ...]
-    held: tuple[tuple[Prepared, tuple[int, ...]], ...]
-
-    @classmethod
-    def of(
-        cls,
-        recordings: Sequence[Transient],
-        made: Predictor,
-        modal: ModalCoordinates,
-        known: np.ndarray,
-    ) -> "_Sides":
-        length = max(len(each.response) for each in recordings)
-        order = tuple(i for i, each in enumerate(recordings) if each.use == "fit")
-        rest = [i for i, each in enumerate(recordings) if each.use == "hold_out"]
-        count = len(order)
-
-        def taken(those: Sequence[int]) -> Prepared:
-            return prepared([recordings[i] for i in those], made, modal, known, length, count)
-
-        held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
-        return cls(taken(order), order, tuple((taken(those), those) for those in held))
-
-    def free(self, entry: Entry) -> tuple[Free, Free | None]:
-        """Free runs against both."""
-        found = [
-            free_run(entry.search, entry.fitted, batches) if batches else None
-            for batches in ([(self.fitted, self.order)], self.held)
-        ]
-        assert found[0] is not None
-        return found[0], found[1]
-
-    def warnings(self) -> list[str]:
-        """What a verdict on so little may miss."""
-        told = []
-        if not self.held:
-            told.append("No recording was held out, so nothing shows that the verdict holds")
-        if len(self.order) == 1:
-            told.append("One recording alone tells little of amplitude, and nothing of repetition")
-        return told
 
 
 def _check(recordings: Sequence[Transient], inputs: int, sensors: int) -> None:

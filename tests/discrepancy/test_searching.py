@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,19 +13,21 @@ from hypothesis import strategies as st
 
 import iwanjax as ij
 from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
-from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind
-from iwanjax.discrepancy.fitting import SHORT, fit_all
+from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, Kind
+from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
 from iwanjax.discrepancy.lanes import Lane, Layout
 from iwanjax.discrepancy.limits import with_limits
-from iwanjax.discrepancy.measured import Transient, _finer, prepared
+from iwanjax.discrepancy.measured import Transient, _finer
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import predictor
 from iwanjax.discrepancy.probing import probed
-from iwanjax.discrepancy.residuals import Seen, glance
-from iwanjax.discrepancy.rounds import MIDDLE, STEPS, Entry, Grounds, screened
+from iwanjax.discrepancy.residuals import Seen, evaluate, glance
+from iwanjax.discrepancy.resolution import Resolution, Resolved
+from iwanjax.discrepancy.rounds import MIDDLE, STEPS, Entry, Grounds, screened, settled
 from iwanjax.discrepancy.search import Hypothesis, Search, Start
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspects import Suspects
+from iwanjax.discrepancy.suspicion import force
 
 NOTHING = Hypothesis(
     (),
@@ -159,25 +162,36 @@ def pulse(t):
 NAMES = ("cubic_stiffness", "gap_contact", "stiffness_error", "viscous_damping", "viscoelastic")
 
 
-def searching(response: np.ndarray) -> tuple[Search, Grounds]:
-    """Of some kinds at the only place there is."""
+JOINT = ij.Iwan4(F_S=1e3, K_T=3e4, chi=-0.5, beta=1.5)
+
+
+def resolution(response: np.ndarray, joint: ij.AbstractJoint = JOINT) -> Resolution:
+    """A mass on a joint, some kinds that may be missing, and what was measured."""
     one = np.ones((1, 1))
-    joint = ij.Iwan4(F_S=1e3, K_T=3e4, chi=-0.5, beta=1.5)
     model = ij.JointedStructure(
         ij.LinearStructure(one, 2.5 * one, 3e4 * one), {"J1": (np.ones(1), joint)}
     )
-    kinds = tuple(kind for name in NAMES for kind in CATALOGUE[name])
-    forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
-    made, modal = predictor(
-        model, jnp.asarray(one), jnp.asarray(one), RATE, "acceleration", forces, 2
-    )
+    forces = tuple(kind for kind in kinds() if isinstance(kind, ForceKind))
+    at = jnp.asarray(one)
+    made = partial(predictor, model, at, at, RATE, "acceleration", forces)
     force = np.array([[pulse(i / RATE)] for i in range(N)])
+    tight = Joint(joint, jnp.full(len(joint.parameters), 1e-3))
     noise = np.array([1e-3 * np.std(response)])
-    seen = prepared([Transient("rec", response, force)], made, modal, noise, N, 1)
-    search = Search(made, (Joint(joint, jnp.full(4, 1e-3)),), seen.data, noise, (0,))
-    row = {"J1": np.ones(1) @ np.asarray(modal.Phi)}
-    places = places_of(search, followed(search), row)
-    return search, Grounds(kinds, places, ("a1",), ("J1",), lambda: True, lambda line: None)
+    return Resolution(made, (tight,), [Transient("rec", response, force)], noise)
+
+
+def kinds() -> tuple[Kind, ...]:
+    """That may be missing."""
+    return tuple(kind for name in NAMES for kind in CATALOGUE[name])
+
+
+def searching(response: np.ndarray, joint: ij.AbstractJoint = JOINT) -> tuple[Search, Grounds]:
+    """Of some kinds at the only place there is."""
+    now = resolution(response, joint).of_model()
+    row = {"J1": np.ones(1) @ np.asarray(now.modal.Phi)}
+    places = places_of(now.search, followed(now.search), row)
+    grounds = Grounds(kinds(), places, ("a1",), ("J1",), lambda: True, lambda line: None)
+    return now.search, grounds
 
 
 def test_a_hard_stop_is_found_by_probing():
@@ -218,3 +232,78 @@ def test_a_limit_is_looked_for_beside_another_suspect():
     first = fit_all(search, [spring], SHORT, STEPS)[0]
     found = screened(search, first, grounds)[0].start.hypothesis
     assert found.label == "stiffness_error@J1 + sensor_saturation@a1"
+
+
+def test_derivatives_come_in_parts_and_are_those_of_the_residuals():
+    """An odd number of values, by differences; the observer's gain changes with them too."""
+    search, grounds = searching(struck(lambda d: 8e3 * d), ij.LinearSpring(k=3e4))
+    base = fit_all(search, [Start(search.nothing(), np.zeros(3))], SHORT, 0)[0]
+    start = next(
+        c.start
+        for c in screened(search, base, grounds)
+        if c.start.hypothesis.kinds[0].name == "stiffness_error"
+    )
+    hypothesis, theta = start.hypothesis, search.still(start.theta)
+    assert theta.shape[1] % 2 == 1
+    (seen,) = evaluate(search, [(hypothesis, theta)], MIDDLE)
+    step = 1e-3
+    beside = [(hypothesis, theta + sign * step * way) for way in np.eye(9) for sign in (1.0, -1.0)]
+    found = glance(search, beside, MIDDLE)
+    slopes = np.stack(
+        [(up - down) / (2.0 * step) for up, down in zip(found[::2], found[1::2], strict=True)]
+    )
+    for way in range(9):
+        size = np.linalg.norm(slopes[way])
+        assert np.linalg.norm(seen.slopes[:, way] - slopes[way]) <= 2e-3 * size
+    assert np.linalg.norm(slopes[1]) > 0.0
+    flat = slopes[:, 0].reshape(9, -1)
+    np.testing.assert_allclose(seen.normal[0], flat @ flat.T, rtol=1e-2, atol=1e-6)
+
+
+def test_only_the_best_go_on():
+    search, grounds = searching(struck(lambda d: 8e3 * d))
+    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
+    starts = [c.start for c in screened(search, base, grounds)[:3]]
+    whole = fit_all(search, starts, SHORT, STEPS)
+    early = fit_all(search, starts, SHORT, 3)
+    found = fit_all(search, starts, SHORT, STEPS, at_most=1)
+    leader = int(np.argmin([each.cost for each in early]))
+    for i, each in enumerate(found):
+        same = whole if i == leader else early
+        assert each.cost == pytest.approx(same[i].cost, rel=1e-9)
+    assert any(a.cost < 0.99 * b.cost for a, b in zip(whole, found, strict=True))
+
+
+def test_a_search_that_was_cut_short_is_taken_to_its_end():
+    search, grounds = searching(struck(lambda d: 8e3 * d))
+    (place,), (spring,) = grounds.places, CATALOGUE["stiffness_error"]
+    assert isinstance(spring, ForceKind)
+    start = force(search, spring, place.label, place.row, np.zeros(4), 1e3, shape=1.0)
+    begun = fit_all(search, [start], MIDDLE, 1)[0]
+    assert not begun.converged
+    ended = settled(search, begun, grounds)
+    assert ended.converged
+    assert ended.cost < 0.5 * begun.cost
+    assert settled(search, ended, grounds) is ended
+    assert settled(search, begun, replace(grounds, in_time=lambda: False)) is begun
+
+
+def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
+    response = struck(lambda d: 3e6 * max(d - 3e-4, 0.0))
+    taken = resolution(response)
+    now = taken.of_model()
+    (place,) = searching(response)[1].places
+    stop = CATALOGUE["gap_contact"][1]
+    assert isinstance(stop, ForceKind)
+    assert stop.variant == "where d > 0"
+
+    def cost(at: Resolved, stiffness: float) -> Fitted:
+        size = (at.search, stop, place.label, place.row, np.zeros(4), stiffness)
+        return fit_all(at.search, [force(*size, shape=3e-4)], MIDDLE, 0)[0]
+
+    stiff = cost(now, 3e6)
+    finer = taken.of_fit(now, stiff)
+    assert finer.search.predictor.substeps > now.search.predictor.substeps
+    assert cost(finer, 3e6).cost < 0.5 * stiff.cost
+    assert taken.of_fit(now, cost(now, 3e3)) is now
+    assert taken.of_fit(finer, cost(finer, 3e6)) is finer

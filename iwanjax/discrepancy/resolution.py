@@ -1,0 +1,194 @@
+"""As many steps between samples as change no residual any more."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.discrepancy.evidence import left_by_noise
+from iwanjax.discrepancy.fitting import Fitted
+from iwanjax.discrepancy.held_out import Free, free_run
+from iwanjax.discrepancy.measured import Prepared, Transient, prepared
+from iwanjax.discrepancy.prediction import Predictor
+from iwanjax.discrepancy.residuals import glance, innovations
+from iwanjax.discrepancy.rounds import MIDDLE, Entry
+from iwanjax.discrepancy.search import Hypothesis, Search
+from iwanjax.discrepancy.sensitivity import Joint
+from iwanjax.dynamics.coordinates import ModalCoordinates
+from iwanjax.errors import InputError
+
+# Steps between samples: the fewest, and the most that are tried.
+_SUBSTEPS, _MOST_SUBSTEPS = 2, 4
+# Angle by which the fastest mode may turn in a step before more steps are compared with it, and
+# their difference that is none beside the noise: with the memory that fits are compared with, and
+# in the free run, where errors add up.
+_TURN, _SAME_AS = 0.7, {MIDDLE: 0.3, math.inf: 0.7}
+# Squared residual over the noise's from which on a fit may want for steps.
+_MORE_THAN_NOISE = 1.1
+# Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
+# worth that much.
+_OTHER_UNITS = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """Recordings to fit, and those held out in batches of the same size."""
+
+    fitted: Prepared
+    order: tuple[int, ...]
+    held: tuple[tuple[Prepared, tuple[int, ...]], ...]
+
+    @classmethod
+    def of(
+        cls,
+        recordings: Sequence[Transient],
+        made: Predictor,
+        modal: ModalCoordinates,
+        known: np.ndarray,
+    ) -> "Sides":
+        """All of them for one predictor, the noise of their sensors known."""
+        length = max(len(each.response) for each in recordings)
+        order = tuple(i for i, each in enumerate(recordings) if each.use == "fit")
+        rest = [i for i, each in enumerate(recordings) if each.use == "hold_out"]
+        count = len(order)
+
+        def taken(those: Sequence[int]) -> Prepared:
+            return prepared([recordings[i] for i in those], made, modal, known, length, count)
+
+        held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
+        return cls(taken(order), order, tuple((taken(those), those) for those in held))
+
+    def free(self, entry: Entry) -> tuple[Free, Free | None]:
+        """Free runs against both."""
+        found = [
+            free_run(entry.search, entry.fitted, batches) if batches else None
+            for batches in ([(self.fitted, self.order)], self.held)
+        ]
+        assert found[0] is not None
+        return found[0], found[1]
+
+    def warnings(self) -> list[str]:
+        """What a verdict on so little may miss."""
+        told = []
+        if not self.held:
+            told.append("No recording was held out, so nothing shows that the verdict holds")
+        if len(self.order) == 1:
+            told.append("One recording alone tells little of amplitude, and nothing of repetition")
+        return told
+
+
+class Resolved(NamedTuple):
+    """Recordings and what fits them, with some number of steps between samples.
+
+    Attributes
+    ----------
+    sides : Sides
+        Recordings to fit, and those held out.
+    search : Search
+        Of the former.
+    modal : ModalCoordinates
+        Modes that both are in.
+    """
+
+    sides: Sides
+    search: Search
+    modal: ModalCoordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Resolution:
+    """Recordings that can be taken with any number of steps between samples.
+
+    Attributes
+    ----------
+    made : function
+        Steps between samples -> predictor and modes.
+    joints : tuple of Joint
+        About their given values.
+    recordings : sequence of Transient
+        All of them.
+    noise : (sensors,) array
+        Deviations.
+    """
+
+    made: Callable[[int], tuple[Predictor, ModalCoordinates]]
+    joints: tuple[Joint, ...]
+    recordings: Sequence[Transient]
+    noise: np.ndarray
+
+    def of_model(self) -> Resolved:
+        """With steps that do for the model as given.
+
+        Raises
+        ------
+        InputError
+            Where units seem to be mixed up.
+        """
+        coarse = self._at(_SUBSTEPS)
+        _require_same_units(coarse.search)
+        by = coarse.search.predictor
+        if math.sqrt(float(np.max(by.omega2))) * float(by.dt) <= _TURN:
+            return coarse
+        return self._finer(coarse, *_given(coarse.search))
+
+    def of_fit(self, now: Resolved, fitted: Fitted) -> Resolved:
+        """With steps that do for a fit: ``now`` itself, where these are enough.
+
+        A stiff suspect may want more than the model without it.
+        """
+        if fitted.cost < _MORE_THAN_NOISE * left_by_noise(now.search):
+            return now
+        return self._finer(now, fitted.hypothesis, fitted.theta)
+
+    def _finer(self, now: Resolved, hypothesis: Hypothesis, theta: np.ndarray) -> Resolved:
+        steps = now.search.predictor.substeps
+        if steps >= _MOST_SUBSTEPS:
+            return now
+        finest = self._at(_MOST_SUBSTEPS)
+        changed = max(
+            _change(now.search, finest.search, hypothesis, theta, cycles) / unit
+            for cycles, unit in _SAME_AS.items()
+        )
+        # Errors of fourth order in the step, of which the finest ones have next to nothing.
+        enough = math.ceil(steps * changed**0.25) if math.isfinite(changed) else steps
+        if enough >= _MOST_SUBSTEPS:
+            return finest
+        return self._at(enough) if enough > steps else now
+
+    def _at(self, substeps: int) -> Resolved:
+        by, modal = self.made(substeps)
+        sides = Sides.of(self.recordings, by, modal, self.noise)
+        noise = np.median(sides.fitted.noise, axis=0)
+        return Resolved(
+            sides, Search(by, self.joints, sides.fitted.data, noise, sides.order), modal
+        )
+
+
+def _change(
+    search: Search, finer: Search, hypothesis: Hypothesis, theta: np.ndarray, cycles: float
+) -> float:
+    """What finer steps change in the residuals of the recording that changes most."""
+    lanes = [(hypothesis, theta)]
+    off = glance(finer, lanes, cycles)[0] - glance(search, lanes, cycles)[0]
+    return float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2)))))
+
+
+def _given(search: Search) -> tuple[Hypothesis, np.ndarray]:
+    """The model with its joints as given."""
+    return search.nothing(), search.still(np.zeros(search.parameters + 2))
+
+
+def _require_same_units(search: Search) -> None:
+    """Refuse recordings that are of quite another size than the forces can have caused."""
+    quantity = search.predictor.quantity
+    seen = np.asarray(search.data.weight) > 0
+    measured = np.asarray(search.data.response)[seen]
+    predicted = measured - innovations(search, *_given(search), math.inf)[seen]
+    ratio = math.sqrt(float(np.mean(measured**2) / np.mean(predicted**2)))
+    if math.isfinite(ratio) and not 1.0 / _OTHER_UNITS < ratio < _OTHER_UNITS:
+        raise InputError(
+            f"recordings: the measured {quantity} is {ratio:.2g} times what the model predicts "
+            "from the forces; are forces, responses and matrices in one system of units?"
+        )
