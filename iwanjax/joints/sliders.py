@@ -76,7 +76,9 @@ class SliderBank(AbstractDiscrete):
         held = jnp.where(slips, 0.0, self.k)
         # The spring falls from its threshold to the kinetic stretch, then the slider is dragged.
         beyond = jnp.abs(trial) - threshold
-        lost = jnp.where(slips, 0.5 * (threshold**2 - kinetic**2) + kinetic * beyond, 0.0)
+        # As a product: of a difference of squares rounding may leave less than nothing.
+        fallen = 0.5 * (threshold - kinetic) * (threshold + kinetic)
+        lost = jnp.where(slips, fallen + kinetic * beyond, 0.0)
         force = jnp.sum(self.k * stretch, axis=-1)
         return Reaction(
             force,
