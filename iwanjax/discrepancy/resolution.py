@@ -152,7 +152,7 @@ class Resolution:
             for cycles, unit in _SAME_AS.items()
         )
         # Errors of fourth order in the step, of which the finest ones have next to nothing.
-        enough = math.ceil(steps * changed**0.25) if math.isfinite(changed) else steps
+        enough = math.ceil(steps * changed**0.25)
         if enough >= _MOST_SUBSTEPS:
             return finest
         return self._at(enough) if enough > steps else now

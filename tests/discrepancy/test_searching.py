@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import iwanjax as ij
 from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
 from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, Kind
+from iwanjax.discrepancy.competition import Table, refined
 from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
 from iwanjax.discrepancy.lanes import Lane, Layout
 from iwanjax.discrepancy.limits import with_limits
@@ -307,3 +308,30 @@ def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
     assert cost(finer, 3e6).cost < 0.5 * stiff.cost
     assert taken.of_fit(now, cost(now, 3e3)) is now
     assert taken.of_fit(finer, cost(finer, 3e6)) is finer
+
+
+def test_a_verdict_on_a_stiff_suspect_is_polished_with_finer_steps():
+    # A joint that never slips, as the integration above has none.
+    stuck = replace(JOINT, F_S=1e7)
+    response = struck(lambda d: 1e13 * d**3)
+    taken = resolution(response, stuck)
+    now = taken.of_model()
+    _, grounds = searching(response, stuck)
+    (place,), (cubic,) = grounds.places, CATALOGUE["cubic_stiffness"]
+    assert isinstance(cubic, ForceKind)
+    stiff = force(now.search, cubic, place.label, place.row, np.zeros(4), 1e13, shape=1.0)
+
+    def ended(start: Start) -> Entry:
+        for cycles in (MIDDLE, math.inf):
+            (fitted,) = fit_all(now.search, [start], cycles, STEPS)
+            start = fitted.start
+        return Entry(now.search, fitted)
+
+    found, nominal = ended(stiff), ended(Start(now.search.nothing(), np.zeros(6)))
+    finer = taken.of_fit(now, found.fitted).search
+    assert finer is not now.search
+    table = refined(now.search, finer, Table(True, nominal, (found,), ()), grounds)
+    assert table.detected
+    assert table.best.search is table.nominal.search is finer
+    assert table.best.fitted.cycles == math.inf
+    assert table.best.fitted.cost < 0.1 * found.fitted.cost
