@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.band import in_band
 from iwanjax.discrepancy.catalogue import Motion, shipped
+from iwanjax.discrepancy.innovation import innovations, motions
 from iwanjax.discrepancy.prediction import Data, Predictor
 from iwanjax.discrepancy.suspects import Suspects, Values
 from iwanjax.joints import AbstractJoint, ParameterInfo
@@ -139,7 +140,7 @@ def _weighted(
     data: Data,
 ) -> Array:
     made = joints_at(joints, values.z)
-    return in_band(predictor.innovations(made, suspects, values, gain, data)) * data.weight
+    return in_band(innovations(predictor, made, suspects, values, gain, data)) * data.weight
 
 
 def _compiled_in(predictor: Predictor, joints: tuple[Joint, ...], *others: Any) -> str | None:
@@ -172,8 +173,8 @@ def residuals(
     def one(theta: Array, data: Data) -> tuple[Array, Array]:
         values = split(theta, parameters, slots)
         made = joints_at(joints, values.z)
-        innovations = predictor.innovations(made, suspects, values, gain, data)
-        return _whole(in_band(innovations) * data.weight, data), innovations
+        found = innovations(predictor, made, suspects, values, gain, data)
+        return _whole(in_band(found) * data.weight, data), found
 
     return jax.vmap(one)(theta, data)
 
@@ -264,7 +265,7 @@ def unit_forces(
         values = split(theta, parameters, slots)
         made = joints_at(joints, values.z)
         values = values._replace(suspects=jnp.pad(values.suspects, [(0, places), (0, 0)]))
-        moved = predictor.motions(made, watched, values, gain, data)
+        moved = motions(predictor, made, watched, values, gain, data)
         d, v, a, change = (x[:, slots:, None] for x in (moved.d, moved.v, moved.a, moved.moved))
         at_places = Motion(d, v, a, change, moved.dt)
 
