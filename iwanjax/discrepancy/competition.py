@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.evidence import evidence, left_by_noise, shares
-from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
+from iwanjax.discrepancy.fitting import SHORT, Fitted, alike, fit_all
 from iwanjax.discrepancy.joint_faults import with_joint_faults
 from iwanjax.discrepancy.limits import with_limits
 from iwanjax.discrepancy.long_memory import appearing
@@ -115,12 +115,11 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         given = Start(search.nothing(), np.zeros(search.parameters + 2))
         both.append(screened(search, fit_all(search, [given], SHORT, 0)[0], grounds))
     grounds.progress("refitting suspects")
-    entries = _first(search, nominal, both, grounds)
-    near = [e for e in entries[:_SECOND] if e.fitted.cost < RACE * entries[0].fitted.cost]
-    shorts = entries
-    entries = again(near, entries[len(near) :], MIDDLE, grounds)
+    shorts = _first(search, nominal, both, grounds)
+    near = [e for e in shorts[:_SECOND] if e.fitted.cost < RACE * shorts[0].fitted.cost]
+    entries = again(near, shorts[len(near) :], MIDDLE, grounds)
     if least(nominal, entries).cost > _FAR * left_by_noise(search):
-        entries = probed(search, entries, [c for each in both for c in each], grounds)
+        entries = probed(search, shorts, entries, [c for each in both for c in each], grounds)
     entries = _restarted(search, nominal, entries, grounds, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     nominal = _renominated(search, nominal, entries, grounds)
@@ -210,13 +209,16 @@ def _nominal(search: Search, grounds: Grounds, seed: int) -> Fitted:
         for z in (np.zeros(search.parameters), *draws)
     ]
     found = fit_all(search, starts, SHORT, STEPS, race=RACE, in_time=grounds.in_time)
-    found.sort(key=lambda each: each.cost)
-    # Those that came to the same end are one.
-    other = [each for each in found[1:] if each.cost > _SAME * found[0].cost]
-    starts = [each.start for each in (found[0], *other[:1])]
+    starts = _ends(sorted(found, key=lambda each: each.cost))
     found = fit_all(search, starts, MIDDLE, STEPS, race=RACE, in_time=grounds.in_time)
     best = min(found, key=lambda each: each.cost)
     return settled(search, best, grounds) if best.cost < _FAR * left_by_noise(search) else best
+
+
+def _ends(fits: Sequence[Fitted]) -> list[Start]:
+    """Where the best of fits, the best first, and the next that came to another end go on."""
+    others = [each for each in fits[1:] if not alike(each.residual, fits[0].residual)]
+    return [each.start for each in (fits[0], *others[:1])]
 
 
 def _first(
@@ -291,7 +293,7 @@ def _restarted(
         for cycles in (SHORT, MIDDLE):
             fits = fit_all(
                 search,
-                [each.start for each in fits[:_RESTARTED]],
+                _ends(fits),
                 cycles,
                 STEPS,
                 race=RACE,

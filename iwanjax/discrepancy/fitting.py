@@ -8,12 +8,14 @@ import numpy as np
 
 from iwanjax.discrepancy.lanes import Lane, begun, resumed
 from iwanjax.discrepancy.residuals import evaluate, glance
-from iwanjax.discrepancy.search import Hypothesis, Search, Start
+from iwanjax.discrepancy.search import Hypothesis, Search, Start, Variant
 
 SHORT = 2.0
 """The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""
 # Steps before a search may be given up, and before it may be for the root of the factor.
 _HEAD_START, _LATE = 3, 6
+# Share of the squared residual by which two searches of a hypothesis differ that are one.
+_ALIKE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +139,7 @@ def fit_all(
             for place, lane in enumerate(sorted(lanes, key=lambda each: each.cost)):
                 ahead = at_most is None or place < at_most
                 lane.active = lane.active and ahead and lane.cost < within * best
+            _merge(lanes)
         stale = [lane for lane in lanes if lane.active and lane.stale]
         at = [(lane.hypothesis, lane.theta(lane.x)) for lane in stale]
         for lane, seen in zip(stale, evaluate(search, at, cycles), strict=True):
@@ -156,6 +159,23 @@ def fit_all(
         for (lane, x), residual in zip(tried, found, strict=True):
             lane.tried(x, residual, tolerance)
     return [_fitted(lane, cycles) for lane in lanes]
+
+
+def _merge(lanes: Sequence[Lane]) -> None:
+    """Of searches of one hypothesis that predict the same by now only the best goes on."""
+    best: dict[Variant, list[Lane]] = {}
+    for lane in sorted(lanes, key=lambda each: each.cost):
+        ahead = best.setdefault(lane.hypothesis.variant, [])
+        if lane.active and any(alike(lane.seen.residual, each.seen.residual) for each in ahead):
+            lane.active = False
+        else:
+            ahead.append(lane)
+
+
+def alike(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether residuals of one hypothesis say that two searches have come to the same end."""
+    least = min(np.sum(one**2), np.sum(other**2))
+    return bool(np.sum((one - other) ** 2) < _ALIKE * least)
 
 
 def _bent(

@@ -97,7 +97,9 @@ def _beside(search: Search, first: Fitted, grounds: Grounds) -> tuple[list[Fitte
 def _singles(search: Search, pair: Fitted, grounds: Grounds) -> list[Fitted]:
     """Each of a pair alone."""
     starts = [suspicion.alone(search, pair.start, i) for i in range(len(pair.hypothesis.kinds))]
-    return fit_all(search, starts, MIDDLE, STEPS, in_time=grounds.in_time)
+    return fit_all(
+        search, starts, MIDDLE, STEPS, race=RACE, best=pair.cost, in_time=grounds.in_time
+    )
 
 
 def _repaired(

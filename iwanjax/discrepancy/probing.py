@@ -1,9 +1,11 @@
 """Suspects of any size: what is too strong to be seen from size zero."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import ForceKind, SensorKind
-from iwanjax.discrepancy.fitting import SHORT, fit_all
+from iwanjax.discrepancy.fitting import SHORT, Fitted, alike, fit_all
 from iwanjax.discrepancy.places import Place
 from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.rounds import MIDDLE, RACE, STEPS, Entry, Grounds, cost_of
@@ -17,7 +19,11 @@ _PLACES, _SHARES, _REFITTED, _KEPT = 2, (0.03, 0.3, 3.0, 30.0), 4, 2
 
 
 def probed(
-    search: Search, entries: list[Entry], candidates: list[Candidate], grounds: Grounds
+    search: Search,
+    shorts: Sequence[Entry],
+    entries: list[Entry],
+    candidates: list[Candidate],
+    grounds: Grounds,
 ) -> list[Entry]:
     """All forces at the best places with sizes from weak to overwhelming, the best refitted.
 
@@ -28,8 +34,8 @@ def probed(
     ----------
     search : Search
         Predictor and data.
-    entries : list of Entry
-        Suspects with a memory of eight cycles, the best first.
+    shorts, entries : sequence of Entry
+        Suspects with a memory of two cycles and of eight, the best first.
     candidates : list of Candidate
         Of the screenings, the most promising of each first.
     grounds : Grounds
@@ -59,17 +65,23 @@ def probed(
     best: dict[Variant, Start] = {}
     for i in np.argsort(cost):
         best.setdefault(starts[i].hypothesis.variant, starts[i])
-    for cycles, count in ((SHORT, _REFITTED), (MIDDLE, _KEPT)):
-        some = list(best.values())[:count]
-        fits = fit_all(search, some, cycles, STEPS, race=RACE, in_time=grounds.in_time)
-        fits.sort(key=lambda each: each.cost)
-        best = {each.hypothesis.variant: each.start for each in fits}
+    some = list(best.values())[:_REFITTED]
+    fits = fit_all(search, some, SHORT, STEPS, race=RACE, in_time=grounds.in_time)
+    fits.sort(key=lambda each: each.cost)
+    new = [each.start for each in fits[:_KEPT] if not _known(each, shorts)]
     known = {entry.fitted.hypothesis.variant: entry for entry in entries}
-    for each in fits:
+    for each in fit_all(search, new, MIDDLE, STEPS, race=RACE, in_time=grounds.in_time):
         rival = known.get(each.hypothesis.variant)
         if rival is None or each.cost < rival.fitted.cost or rival.fitted.cycles != each.cycles:
             known[each.hypothesis.variant] = Entry(search, each)
     return sorted(known.values(), key=cost_of)
+
+
+def _known(fitted: Fitted, shorts: Sequence[Entry]) -> bool:
+    """Whether the same has come to the same end before."""
+    variant = fitted.hypothesis.variant
+    earlier = [entry.fitted for entry in shorts if entry.fitted.hypothesis.variant == variant]
+    return any(alike(fitted.residual, each.residual) for each in earlier)
 
 
 def _sizes(

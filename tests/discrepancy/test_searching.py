@@ -15,7 +15,7 @@ import iwanjax as ij
 from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
 from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, Kind
 from iwanjax.discrepancy.competition import Table, refined
-from iwanjax.discrepancy.fitting import SHORT, Fitted, fit_all
+from iwanjax.discrepancy.fitting import SHORT, Fitted, alike, fit_all
 from iwanjax.discrepancy.lanes import Lane, Layout
 from iwanjax.discrepancy.limits import with_limits
 from iwanjax.discrepancy.measured import Transient, _finer
@@ -199,10 +199,25 @@ def test_a_hard_stop_is_found_by_probing():
     response = struck(lambda d: 3e6 * max(d - 3e-4, 0.0))
     search, grounds = searching(response)
     base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
-    found = probed(search, [], screened(search, base, grounds), grounds)
+    candidates = screened(search, base, grounds)
+    found = probed(search, [], [], candidates, grounds)
     (before,) = glance(search, [(search.nothing(), search.still(np.zeros(6)))], 8.0)
     assert found[0].fitted.hypothesis.kinds[0].name == "gap_contact"
     assert found[0].fitted.cost < 0.02 * np.sum(before**2)
+
+
+def test_what_has_come_to_the_same_end_before_is_probed_no_further():
+    search, grounds = searching(struck(lambda d: 8e3 * d))
+    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
+    candidates = screened(search, base, grounds)
+    found = probed(search, [], [], candidates, grounds)
+    shorts = [
+        Entry(search, fit_all(search, [each.fitted.start], SHORT, STEPS)[0]) for each in found[:1]
+    ]
+    others = probed(search, shorts, [], candidates, grounds)
+    variants = [[e.fitted.hypothesis.variant for e in some] for some in (found, others)]
+    assert variants[0][0] not in variants[1]
+    assert set(variants[1]) <= set(variants[0])
 
 
 def test_a_spring_is_found_behind_what_has_it_for_a_limit():
@@ -273,6 +288,22 @@ def test_only_the_best_go_on():
         same = whole if i == leader else early
         assert each.cost == pytest.approx(same[i].cost, rel=1e-9)
     assert any(a.cost < 0.99 * b.cost for a, b in zip(whole, found, strict=True))
+
+
+def test_searches_that_have_come_to_the_same_go_on_as_one():
+    search, grounds = searching(struck(lambda d: 8e3 * d))
+    (place,), (spring,) = grounds.places, CATALOGUE["stiffness_error"]
+    assert isinstance(spring, ForceKind)
+
+    def start(size: float) -> Start:
+        return force(search, spring, place.label, place.row, np.zeros(4), size, shape=1.0)
+
+    nothing = Start(search.nothing(), np.zeros(6))
+    found = fit_all(search, [start(7e3), start(9e3), nothing], SHORT, STEPS)
+    assert sorted(each.converged for each in found[:2]) == [False, True]
+    assert alike(found[0].residual, found[1].residual)
+    assert found[2].converged
+    assert not alike(found[2].residual, found[0].residual)
 
 
 def test_a_search_that_was_cut_short_is_taken_to_its_end():
