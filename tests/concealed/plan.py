@@ -214,6 +214,16 @@ def _drawn(seed: int, singles: int, pairs: int) -> Listed:
     return tuple(listed)
 
 
+def _drawn_in(name: str, seed: int, count: int) -> Listed:
+    """Effects of different kinds in one structure, none so strong that it seldom exists."""
+    rng = np.random.default_rng([11, seed])
+    kinds = map(str, rng.choice([*FORCES, *OF_JOINTS, *OF_SENSORS], count, replace=False))
+    return tuple(
+        (name, ((kind, _place(STRUCTURES[name], kind, rng), str(rng.choice([MEDIUM, WEAK]))),))
+        for kind in kinds
+    )
+
+
 def _hits(structure: Structure, rng: np.random.Generator) -> tuple[Hit, ...]:
     """Three recordings to fit (soft, middle, hard) and two held out (soft, hard), all different."""
     inputs = list(structure.inputs)
@@ -299,8 +309,12 @@ SETS = {
     "fourth": _set(_drawn(4, 26, 4), DRAWN_EMPTY, 4, range(150, 200)),
     "fifth": _set(_drawn(5, 26, 4), DRAWN_EMPTY, 5, range(200, 250)),
     "sixth": _set(_drawn(6, 34, 6), DRAWN_EMPTY, 6, range(250, 310)),
+    "seventh": [
+        *_set(_drawn(7, 34, 6), DRAWN_EMPTY, 7, range(310, 370)),
+        *_set(_drawn_in("brake_reuss", 8, 5), (), 8, range(370, 375)),
+    ],
 }
-"""Cases of each set: for development, then five that were held back until they were opened."""
+"""Cases of each set: for development, then six that were held back until they were opened."""
 
 
 def plan() -> tuple[Case, ...]:

@@ -1,6 +1,6 @@
 """Write concealed cases as studies: model, recordings, study.yaml, and the truth beside them.
 
-`python tests/concealed/study.py OUT [--set dev|opened|third|fourth|fifth|sixth] [--only N ...]`
+`python tests/concealed/study.py OUT [--set NAME] [--only N ...]`
 """
 
 import argparse
