@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 
-_DEPTH = 20
+_DEPTH = 16
 
 
 class MasingJoint(Protocol):
@@ -52,8 +52,8 @@ class Reversals(AbstractDiscrete):
 
     and where it meets the tip of an earlier loop that loop is closed and forgotten: the branch
     on which it was opened goes on. No sliders, so no error of discretisation, and a force that
-    is smooth in the parameters. Of a decay without end the outermost loop and the latest ones
-    are kept, 20 reversals in all. What it stores and loses is not known: NaN.
+    is smooth in the parameters. Of a decay without end 16 reversals are kept, the outermost
+    loop among them: those that matter most. What it stores and loses is not known: NaN.
 
     Parameters
     ----------
@@ -104,19 +104,33 @@ class Reversals(AbstractDiscrete):
 def _pushed(state: ReversalState, turned: Array) -> tuple[Array, Array, Array]:
     """The stack with the point of a reversal on it.
 
-    The first reversal brings its mirror image along, where the virgin curve goes on.
+    The first reversal brings its mirror image along, where the virgin curve goes on. On a full
+    stack two neighbours make room, and the next continues the branch before them.
     """
-    full = turned & (state.depth > _DEPTH - 2)
-    tips, forces = (
-        jnp.where(full, jnp.concatenate([x[:2], x[4:], x[:2]]), x)
-        for x in (state.tips, state.forces)
-    )
+    full = turned & (state.depth == _DEPTH)
+    place = np.arange(_DEPTH)
+    out = full & (place >= _least_missed(jnp.append(state.tips, state.d)))
+    tips, forces = (jnp.where(out, jnp.roll(x, -2), x) for x in (state.tips, state.forces))
     count = state.depth - 2 * full
     first = turned & (count == 0)
-    place = np.arange(_DEPTH)
 
     def put(x: Array, value: Array) -> Array:
         x = jnp.where(first & (place == 0), -value, x)
         return jnp.where(turned & (place == count + first), value, x)
 
     return put(tips, state.d), put(forces, state.force), count + turned + first
+
+
+def _least_missed(tips: Float[Array, " n"]) -> Array:
+    r"""First of the two neighbours without which branches change least; never the outermost.
+
+    Without :math:`t_i` and :math:`t_{i+1}` the branch to :math:`t_{i+2}` starts at
+    :math:`t_{i-1}`. Both branches meet at :math:`t_i`, and where they start alike they part
+    alike: the force is off by about :math:`|t_{i+2} - t_i|\,|t_{i+1} - t_{i-1}|`, which counts
+    beside the square of the loop :math:`|t_{i+1} - t_i|`, as large loops seldom come back.
+    """
+    apart = jnp.abs(tips[2:] - tips[:-2])
+    missed = apart[1:] * apart[:-1] / (tips[2:-1] - tips[1:-2]) ** 2
+    # Cheaper than an argmin where it is compiled.
+    place = np.arange(1, len(tips) - 2)
+    return jnp.max(jnp.where(missed <= jnp.min(missed), place, 0))
