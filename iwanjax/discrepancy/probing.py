@@ -46,7 +46,9 @@ def probed(
     list of Entry
         The same and what was found, the best first.
     """
-    found = [entry.fitted.hypothesis.where[-1] for entry in entries[:1]]
+    # Where two cycles and where eight point to, which differ where neither is near.
+    ahead = (*entries[:1], *shorts[:1])
+    found = [entry.fitted.hypothesis.where[-1] for entry in ahead]
     labels = dict.fromkeys([*found, *(c.start.hypothesis.where[-1] for c in candidates)])
     named = {place.label: place for place in grounds.places}
     places = [named[label] for label in labels if label in named][:_PLACES]
