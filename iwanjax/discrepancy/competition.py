@@ -9,7 +9,11 @@ import numpy as np
 
 from iwanjax.discrepancy.evidence import evidence, left_by_noise, shares
 from iwanjax.discrepancy.fitting import SHORT, Fitted, alike, fit_all
-from iwanjax.discrepancy.joint_faults import with_joint_faults
+from iwanjax.discrepancy.joint_faults import (
+    like_a_joint,
+    with_joint_faults,
+    with_joints_left_out,
+)
 from iwanjax.discrepancy.limits import with_limits
 from iwanjax.discrepancy.long_memory import appearing
 from iwanjax.discrepancy.macroslip import in_the_middle
@@ -123,13 +127,21 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     entries = _restarted(search, nominal, entries, grounds, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     nominal = _renominated(search, nominal, entries, grounds)
-    base, entries = ranked(Entry(search, nominal), entries)
-    if entries and missing(base, entries[0]):
-        first = entries[0]
-        if first.fitted.cost > MISFIT * left_by_noise(search):
-            first = replace(first, fitted=settled(first.search, first.fitted, grounds))
-        entries = doubled(search, [first, *entries[1:]], grounds)
-    entries = with_joint_faults(search, nominal, shorts, entries, candidates, grounds)
+    base, singles = ranked(Entry(search, nominal), entries)
+    found = bool(singles) and missing(base, singles[0])
+    if found and singles[0].fitted.cost > MISFIT * left_by_noise(search):
+        fitted = settled(singles[0].search, singles[0].fitted, grounds)
+        singles[0] = replace(singles[0], fitted=fitted)
+    # A joint that looks like two simple forces, or one, is tried before two are looked for.
+    early = like_a_joint(least(nominal, singles))
+    entries = singles
+    if early:
+        entries = with_joints_left_out(search, nominal, shorts, entries, candidates, grounds)
+    if found and not _in_a_joint(search, least(nominal, entries), entries):
+        entries = distinct([*doubled(search, singles, grounds), *entries])
+    if not early:
+        entries = with_joints_left_out(search, nominal, shorts, entries, candidates, grounds)
+    entries = with_joint_faults(search, nominal, shorts, entries, grounds)
     base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_limits(search, entries, grounds))
@@ -161,6 +173,12 @@ def refined(search: Search, finer: Search, table: Table, grounds: Grounds) -> Ta
     base, entries = ranked(base, [e for e in fitted if e.fitted.hypothesis.kinds])
     found = _concluded(base, entries, table.scores, grounds)
     return found._replace(entries=(*found.entries, *_behind_all(found.entries, rest)))
+
+
+def _in_a_joint(search: Search, best: Fitted, entries: Sequence[Entry]) -> bool:
+    """Whether a joint left out alone explains all, so that nobody need look for two others."""
+    joint = any(e.fitted is best and e.search is not search for e in entries)
+    return joint and best.cost < MISFIT * left_by_noise(search)
 
 
 def _concluded(

@@ -59,7 +59,12 @@ def limited(search: Search, nominal: Fitted, best: float, cycles: float) -> Limi
     return Limits(best, (1.0 - INDULGENCE) * foreseen(search, [nominal.start], cycles)[0])
 
 
-def with_joint_faults(
+def like_a_joint(fitted: Fitted) -> bool:
+    """Whether a joint left out is a rival of what was found in any case."""
+    return bool({kind.name for kind in fitted.hypothesis.kinds} & _LIKE_A_JOINT)
+
+
+def with_joints_left_out(
     search: Search,
     nominal: Fitted,
     shorts: Sequence[Entry],
@@ -67,22 +72,43 @@ def with_joint_faults(
     candidates: Sequence[Candidate],
     grounds: Grounds,
 ) -> list[Entry]:
-    """Faults that are in the joints as well, where simple forces leave something.
-
-    What looks much like a joint left out has it for a rival in any case.
-    """
+    """A joint more, where simple forces leave something or look much like one."""
     best = least(nominal, entries)
     left = best.cost > MISFIT * left_by_noise(search)
-    if not left and not {kind.name for kind in best.hypothesis.kinds} & _LIKE_A_JOINT:
+    if not left and not like_a_joint(best):
         return entries
     known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
-    grounds.progress("refitting joints of other kinds")
+    grounds.progress("refitting joints left out")
     limits = limited(search, nominal, best.cost, SHORT)
     found = _joints_left_out(search, known, limits, grounds, _JOINT_PLACES if left else 1)
     found += _rivals(search, found, known, limits, grounds)
+    return _compared(shorts, entries, found, grounds)
+
+
+def with_joint_faults(
+    search: Search,
+    nominal: Fitted,
+    shorts: Sequence[Entry],
+    entries: list[Entry],
+    grounds: Grounds,
+) -> list[Entry]:
+    """Of pairs either with a joint in its place; and joints that stick, where much is left."""
+    best = least(nominal, entries)
+    left = best.cost > MISFIT * left_by_noise(search)
     pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]
-    found += _beside_another(search, pairs[:_PAIRS], limits, grounds)
+    if not left and not (pairs and like_a_joint(best)):
+        return entries
+    grounds.progress("refitting joints of other kinds")
+    limits = limited(search, nominal, best.cost, SHORT)
+    found = _beside_another(search, pairs[:_PAIRS], limits, grounds)
     found += stuck(search, nominal, limits, grounds) if left else []
+    return _compared(shorts, entries, found, grounds)
+
+
+def _compared(
+    shorts: Sequence[Entry], entries: list[Entry], found: list[Entry], grounds: Grounds
+) -> list[Entry]:
+    """What was found with a short memory among others: what is near refitted as they were."""
     everything = placed([*shorts, *found])
     faults = [e for e in everything if all(e.fitted is not short.fitted for short in shorts)]
     near = [e for e in faults if e.fitted.cost < _AHEAD * everything[0].fitted.cost]
@@ -183,7 +209,25 @@ def _beside_another(
         key = (pair.hypothesis.where[slot], kept.hypothesis.label)
         if place and guesses and key not in made:
             made[key] = suspicion.with_joint(search, kind, place, guesses, kept)
-    return _best_of_each(list(made.values()), limits, grounds)
+    found = _best_of_each(list(made.values()), limits, grounds)
+    return found + _without_the_other(found, grounds)
+
+
+def _without_the_other(pairs: Sequence[Entry], grounds: Grounds) -> list[Entry]:
+    """Joints alone from where they are beside another, which may only have led there."""
+    best = min(map(cost_of, pairs), default=math.inf)
+    of_place: dict[str, Entry] = {}
+    for pair in sorted(pairs, key=cost_of):
+        if cost_of(pair) < _AHEAD * best:
+            of_place.setdefault(pair.fitted.hypothesis.where[0], pair)
+    starts = [(e.search, suspicion.alone(e.search, e.fitted.start, 0)) for e in of_place.values()]
+    return [
+        Entry(own, each)
+        for own, start in starts
+        for each in fit_all(
+            own, [start], SHORT, STEPS, race=RACE, best=best, in_time=grounds.in_time
+        )
+    ]
 
 
 def _best_of_each(

@@ -45,9 +45,9 @@ def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
     values = np.array(table.values)
     # For nothing the residual counts a little less: what the model's own errors are worth.
     values[0] += INDULGENCE * table.worth(base.fitted)
-    # What has simpler kinds for its limits has to explain so much more than they.
+    # What has simpler kinds for its limits, or is two at once, has to explain so much more.
     for i, e in enumerate(same, 1):
-        margin, simpler = INDULGENCE * table.worth(e.fitted), _simpler(e)
+        margin, simpler = INDULGENCE * table.worth(e.fitted), _simpler(e) | _alone(e)
         if any(
             _parts(o) in simpler and values[j] > values[i] - margin for j, o in enumerate(same, 1)
         ):
@@ -99,6 +99,12 @@ def _parts(entry: Entry) -> frozenset[tuple[str, str]]:
     hypothesis = entry.fitted.hypothesis
     names = (kind.name for kind in hypothesis.kinds)
     return frozenset(zip(names, hypothesis.where, strict=True))
+
+
+def _alone(entry: Entry) -> set[frozenset[tuple[str, str]]]:
+    """Each of several suspects."""
+    parts = _parts(entry)
+    return {frozenset([part]) for part in parts} if len(parts) > 1 else set()
 
 
 def _simpler(entry: Entry) -> set[frozenset[tuple[str, str]]]:
