@@ -1,6 +1,7 @@
 """Discrepancy: where models and recordings differ, and why.
 
-:func:`~iwanjax.discrepancy.diagnose_curves.diagnose_curves` stays in its module: it loads the
+:func:`~iwanjax.discrepancy.diagnose_curves.diagnose_curves` and
+:func:`~iwanjax.discrepancy.diagnose_loops.diagnose_loops` stay in their modules: they load the
 optimisers, which pictures of a diagnosis do not need.
 """
 
@@ -13,6 +14,7 @@ from iwanjax.discrepancy.catalogue import (
 )
 from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.diagnose import diagnose
+from iwanjax.discrepancy.loop_run import LoopRun
 from iwanjax.discrepancy.measured import Transient
 from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes
 from iwanjax.discrepancy.verdict import Diagnosis, Suspect
@@ -23,6 +25,7 @@ __all__ = [
     "Diagnosis",
     "ForceKind",
     "JointKind",
+    "LoopRun",
     "ModeComparison",
     "SensorKind",
     "Suspect",

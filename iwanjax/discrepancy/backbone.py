@@ -1,9 +1,7 @@
 """Curves of one mode, with a force beside its joint."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,6 +12,14 @@ from jaxtyping import Array, Float
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.catalogue import ForceKind, Scales
 from iwanjax.discrepancy.cycle import beside, shows
+from iwanjax.discrepancy.one_joint import (
+    Named,
+    best_of,
+    linearised,
+    over_shapes,
+    to_size,
+    to_variable,
+)
 from iwanjax.discrepancy.residuals import correlation_time
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.updating.modal import ModalProblem
@@ -29,8 +35,6 @@ _RUNS = 4
 _SPREAD = 0.5
 # Loss over the energy that a force turns over, below which it is rounding.
 _LOSSLESS = 1e-9
-# Shapes tried, how far they go beyond those of the catalogue, and how often the best is bracketed.
-_SHAPES, _BEYOND, _BRACKETS = 8, 4.0, 2
 
 
 class WithForce(AbstractProblem):
@@ -51,16 +55,13 @@ class WithForce(AbstractProblem):
 
     def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
         """The base's parameters; a size that must be positive moves by its logarithm."""
-        size = self.scale * jnp.where(self.positive > 0, jnp.exp(z[-1]), z[-1])
+        size = to_size(z[-1], self.scale, self.positive)
         return jnp.append(self.base.to_values(z[:-1]), size)
 
     def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
         """The inverse of :meth:`to_values`."""
-        size = theta[-1] / self.scale
-        logarithm = jnp.log(jnp.maximum(jnp.abs(size), 1e-6))
-        return jnp.append(
-            self.base.to_variables(theta[:-1]), jnp.where(self.positive > 0, logarithm, size)
-        )
+        variable = to_variable(theta[-1], self.scale, self.positive)
+        return jnp.append(self.base.to_variables(theta[:-1]), variable)
 
     def improved(self, theta: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
         """The base's."""
@@ -82,13 +83,6 @@ class WithForce(AbstractProblem):
         further = jax.tree.map(lambda each: theta[-1] * each, unit)
         f, zeta = oscillator.ringdown_frequency_and_damping(q, further)
         return jnp.where(oscillator.K_inf > 0, f, jnp.nan), zeta
-
-
-class Named(NamedTuple):
-    """A force with its shape, if any."""
-
-    kind: ForceKind
-    shape: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +111,11 @@ class CurveFit:
         """Values that were adjusted."""
         own = 0 if self.force is None else 1 + (self.force.kind.shape is not None)
         return len(self.problem.base.chart.free) + own
+
+    @property
+    def count(self) -> int:
+        """Values that were measured."""
+        return 2 * self.problem.measured.q.size
 
     @property
     def omega(self) -> float:
@@ -153,10 +152,7 @@ class CurveFit:
         return float(np.mean([correlation_time(each[None]) for each in self.residuals()]))
 
     def deviations(self) -> tuple[float, float]:
-        """Of the force's size and of the logarithm of its shape, linearised; NaN without one.
-
-        Times the misfit where that exceeds 1.
-        """
+        """Of the force's size and of the logarithm of its shape, linearised; NaN without one."""
         if self.force is None:
             return math.nan, math.nan
         slopes = np.asarray(_slopes(self.problem, jnp.asarray(self.theta)))
@@ -167,12 +163,7 @@ class CurveFit:
                 for sign in (1.0, -1.0)
             ]
             slopes = np.column_stack([slopes, (near[0] - near[1]) / (2.0 * step)])
-        sizes = np.linalg.norm(slopes, axis=0)
-        used = sizes > 0
-        inverse = np.linalg.pinv(slopes[:, used] / sizes[used], rcond=1e-10)
-        std = np.full(len(sizes), math.nan)
-        misfit = self.cost / max(1, len(slopes) - int(used.sum()))
-        std[used] = np.linalg.norm(inverse, axis=1) / sizes[used] * math.sqrt(max(1.0, misfit))
+        std = linearised(slopes, self.cost)
         own = len(self.problem.base.names)
         return float(std[own]), float(std[own + 1]) if len(std) > own + 1 else math.nan
 
@@ -216,29 +207,17 @@ def fit_beside(
         sizes = np.abs(sizes) if kind.positive else sizes
         return _fit(base, Named(kind, shape), unit, largest, np.column_stack([joints, sizes]))
 
-    shapes = begin[:1]
-    if kind.shape is not None:
-        shapes = tuple(np.geomspace(min(begin) / _BEYOND, max(begin) * _BEYOND, _SHAPES).tolist())
-    found = [each for each in (at(shape, few) for shape in shapes) if each is not None]
+    if kind.shape is None:
+        first = at(begin[0], few)
+        found = [first] if first is not None else []
+    else:
+        found = over_shapes(begin, lambda shape: at(shape, few))
     if not found:
         return None
-    step = shapes[-1] / shapes[0]
-    for i in range(_BRACKETS if len(shapes) > 1 else 0):
-        now = _shape(_best(found))
-        factor = step ** (0.5 ** (i + 1) / (_SHAPES - 1))
-        near = (at(now * factor, few), at(now / factor, few))
-        found += [each for each in near if each is not None]
-    again = at(_shape(_best(found)), draws)
-    return _best([*found, *([again] if again is not None else [])])
-
-
-def _best(fits: Sequence[CurveFit]) -> CurveFit:
-    return min(fits, key=lambda each: each.cost)
-
-
-def _shape(fit: CurveFit) -> float:
-    assert fit.force is not None
-    return fit.force.shape
+    best = best_of(found).force
+    assert best is not None
+    again = at(best.shape, draws)
+    return best_of([*found, *([again] if again is not None else [])])
 
 
 def _fit(

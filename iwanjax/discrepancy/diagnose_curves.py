@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,12 +11,11 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.backbone import CurveFit, fit_alone, fit_beside
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.curve_run import CurveRun
-from iwanjax.discrepancy.evidence import log_evidence, shares, untried
 from iwanjax.discrepancy.observables import Observable
-from iwanjax.discrepancy.ranking import LEAST_GAIN
+from iwanjax.discrepancy.one_joint import Standing, concluded
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import Estimate
-from iwanjax.discrepancy.verdict import Diagnosis, Errors, Suspect, alike
+from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.types import require_double_precision
@@ -25,17 +23,8 @@ from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.parameters import Parameter, drawn, replaced
 from iwanjax.updating.problem import modal_unit
 
-# Evidences closer than this cannot be told apart.
-_ALIKE = 3.0
 # Deviations from which on a level's difference is clear, and share of the levels that have to be.
 _CLEAR, _ENOUGH = 3.0, 0.05
-# Error over the noise's from which on something is left unexplained.
-_UNEXPLAINED = 1.25
-
-
-class _Entry(NamedTuple):
-    fit: CurveFit
-    value: float
 
 
 def diagnose_curves(
@@ -130,77 +119,19 @@ def diagnose_curves(
                 found.append(fit)
     # Beside what can be there: a law of the joint's that is of another shape.
     active = [fit for fit in found if fit.gives_energy]
-    entries = _placed(alone, [fit for fit in found if fit not in active])
-    best = entries[0]
-    gain = best.value - next(each.value for each in entries if each.fit is alone)
-    detected = gain > LEAST_GAIN
-    chosen = best.fit if detected else alone
-    before, after = (_run(fit, several, others) for fit in (alone, chosen))
-    errors = [_errors(run, run.by_recording()) for run in (before, after)]
-    floor = _errors(after, after.floors())
-    unknown = untried(errors[1].fit / floor.fit)
-    odds = [each.value + LEAST_GAIN * (each.fit is alone) for each in entries]
-    probabilities = shares(np.array(odds)) * (1.0 - unknown)
-    what = (
-        [
-            Suspect(
-                each.fit.force.kind,
-                name,
-                float(probability),
-                each.value - best.value,
-                _estimates(each.fit, several[0]),
-            )
-            for each, probability in zip(entries, probabilities, strict=True)
-            if each.fit.force is not None
-        ]
-        if detected
-        else []
-    )
-    nothing = next(i for i, each in enumerate(entries) if each.fit is alone)
-    return Diagnosis(
-        detected=detected,
-        probability_nothing_missing=float(probabilities[nothing]),
-        probability_something_else=unknown,
-        what=tuple(what),
-        before=errors[0],
-        after=errors[1],
-        noise_floor=floor,
-        noise_floor_95=Errors(math.nan, math.nan),
-        parameter_spread=Errors(math.nan, math.nan),
-        indistinguishable=alike(what, _ALIKE) if what else (),
-        observables=_observables(before, mode) if detected else (),
-        scores=(),
-        runs=(before, after),
-        sampling_rate=math.nan,
-        restoring=None,
-        warnings=(
-            *_active(active, chosen),
-            *_warnings(name, errors, floor, unknown, detected, unseen),
-        ),
+    standing = Standing.of(alone, [fit for fit in found if fit not in active])
+    before, after = (_run(fit, several, others) for fit in (alone, standing.chosen))
+    return concluded(
+        standing,
+        name,
+        (before, after),
+        len(several),
+        lambda fit: _estimates(fit, several[0]),
+        observables=_observables(before, mode),
+        warnings=(*_active(active, standing.chosen), *_unseen(name, unseen)),
         complete=complete,
         seconds=time.perf_counter() - started,
     )
-
-
-def _placed(alone: CurveFit, found: Sequence[CurveFit]) -> list[_Entry]:
-    """By evidence, the best of every kind only."""
-    best: dict[str, CurveFit] = {}
-    for fit in found:
-        assert fit.force is not None
-        known = best.setdefault(fit.force.kind.name, fit)
-        if fit.cost < known.cost:
-            best[fit.force.kind.name] = fit
-    fits = [alone, *best.values()]
-    first = min(fits, key=lambda each: each.cost)
-    count = 2 * alone.problem.measured.q.size
-    # No curve is trusted to be better known than its deviations say.
-    temperature, tau = max(1.0, first.cost / count), first.correlation()
-    values = log_evidence(
-        [fit.cost for fit in fits], [fit.unknowns for fit in fits], count, temperature, tau
-    )
-    values[0] += INDULGENCE * alone.cost / (2.0 * temperature * tau)
-    entries = [_Entry(fit, float(value)) for fit, value in zip(fits, values, strict=True)]
-    return sorted(entries, key=lambda each: -each.value)
 
 
 def _run(fit: CurveFit, several: Sequence[ModalCurves], others: Sequence[ModalCurves]) -> CurveRun:
@@ -213,13 +144,6 @@ def _run(fit: CurveFit, several: Sequence[ModalCurves], others: Sequence[ModalCu
     scales = (float(np.sqrt(np.mean((f - rest) ** 2))), float(np.sqrt(np.mean(zeta**2))))
     predicted = tuple(fit.predicted(each) for each in measured)
     return CurveRun(measured, predicted, len(several), rest, scales)
-
-
-def _errors(run: CurveRun, by_recording: Mapping[str, float]) -> Errors:
-    """Root mean square over those that were fitted, and over the others."""
-    square = np.square(list(by_recording.values()))
-    parts = (square[: run.fitted], square[run.fitted :])
-    return Errors(*(math.sqrt(float(x.mean())) if x.size else math.nan for x in parts))
 
 
 def _estimates(fit: CurveFit, curves: ModalCurves) -> tuple[Estimate, ...]:
@@ -268,32 +192,11 @@ def _active(active: Sequence[CurveFit], chosen: CurveFit) -> list[str]:
     return told
 
 
-def _warnings(
-    name: str,
-    errors: Sequence[Errors],
-    floor: Errors,
-    unknown: float,
-    detected: bool,
-    unseen: Sequence[str],
-) -> list[str]:
-    """What to think of the verdict."""
-    told = []
-    if math.isnan(errors[0].hold_out):
-        told.append("No recording was held out, so nothing shows that the verdict holds")
-    elif detected and errors[1].hold_out >= errors[0].hold_out:
-        told.append(
-            "What was added does not predict the held-out recordings better: take it as a hint"
-        )
-    ratio = errors[1].fit / floor.fit
-    if ratio > _UNEXPLAINED:
-        rest = "also with it" if detected else "and nothing that was tried explains it"
-        told.append(
-            f"The fitted curves are {ratio:.2g} times their deviations off, {rest} (probability "
-            f"{unknown:.2f} that something else is missing)"
-        )
-    if unseen:
-        told.append(
-            f"Curves of one mode cannot show {', '.join(dict.fromkeys(unseen))}: {name} has them "
-            "in its f_0 and zeta_0, or they have no first harmonic"
-        )
-    return told
+def _unseen(name: str, unseen: Sequence[str]) -> list[str]:
+    """What curves say nothing of."""
+    if not unseen:
+        return []
+    return [
+        f"Curves of one mode cannot show {', '.join(dict.fromkeys(unseen))}: {name} has them "
+        "in its f_0 and zeta_0, or they have no first harmonic"
+    ]

@@ -21,6 +21,7 @@ from iwanjax.plotting.explained import plot_explained
 from iwanjax.plotting.fit import plot_fit
 from iwanjax.plotting.joints import plot_joint
 from iwanjax.plotting.linear import plot_linear
+from iwanjax.plotting.loops import plot_loops
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.quasistatic import plot_qsma
 from iwanjax.plotting.ringdown import plot_merged, plot_ringdown
@@ -43,6 +44,7 @@ __all__ = [
     "plot_hysteresis",
     "plot_joint",
     "plot_linear",
+    "plot_loops",
     "plot_merged",
     "plot_modes",
     "plot_places",

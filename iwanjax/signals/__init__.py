@@ -3,6 +3,7 @@
 from iwanjax.signals.contents import file_contents
 from iwanjax.signals.curves_file import read_curves
 from iwanjax.signals.filters import band_pass, modal_filter
+from iwanjax.signals.force_loop import ForceLoop, read_loop
 from iwanjax.signals.hilbert import RingDown, ringdown, ringdown_curves
 from iwanjax.signals.merge import MergedCurves, merge_curves
 from iwanjax.signals.readers import read_recording, read_recordings
@@ -11,6 +12,7 @@ from iwanjax.signals.response_control import resonance_from_control
 
 __all__ = [
     "Channel",
+    "ForceLoop",
     "MergedCurves",
     "Recording",
     "RingDown",
@@ -19,6 +21,7 @@ __all__ = [
     "merge_curves",
     "modal_filter",
     "read_curves",
+    "read_loop",
     "read_recording",
     "read_recordings",
     "resonance_from_control",

@@ -125,30 +125,36 @@ def structural_parameters(
     """
     found = {}
     for name, labels in _owners(structure, groups).items():
-        joint = structure.joints[labels[0]]
-        for info in joint.parameters:
-            value = float(getattr(joint, info.name))
-            low, high = info.usual or (info.lower, info.upper)
-            low, high = min(low, value), max(high, value)
-            prior: AbstractPrior
-            if np.isfinite(high - low):
-                prior = Uniform(low, high)
-            elif info.transform == "log":
-                # A beta of zero is a value, but no place to start from.
-                value = value or _SMALL
-                prior = LogNormal(value, _PRIOR_SIGMA)
-            else:
-                prior = Normal(value, abs(value) or 1.0)
-            found[f"{name}.{info.name}"] = Parameter(
-                f"{name}.{info.name}",
-                value,
-                prior,
-                unit=unit_of(info.dimension),
-                meaning=info.meaning,
-                lower=low,
-                upper=high,
-                transform=info.transform,
-            )
+        found |= joint_parameters(name, structure.joints[labels[0]])
+    return found
+
+
+def joint_parameters(name: str, joint: AbstractJoint) -> dict[str, Parameter]:
+    """The same of one joint, under a name."""
+    found = {}
+    for info in joint.parameters:
+        value = float(getattr(joint, info.name))
+        low, high = info.usual or (info.lower, info.upper)
+        low, high = min(low, value), max(high, value)
+        prior: AbstractPrior
+        if np.isfinite(high - low):
+            prior = Uniform(low, high)
+        elif info.transform == "log":
+            # A beta of zero is a value, but no place to start from.
+            value = value or _SMALL
+            prior = LogNormal(value, _PRIOR_SIGMA)
+        else:
+            prior = Normal(value, abs(value) or 1.0)
+        found[f"{name}.{info.name}"] = Parameter(
+            f"{name}.{info.name}",
+            value,
+            prior,
+            unit=unit_of(info.dimension),
+            meaning=info.meaning,
+            lower=low,
+            upper=high,
+            transform=info.transform,
+        )
     return found
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from iwanjax.config import Study
-from iwanjax.discrepancy import CurveRun, Diagnosis
+from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun
 from iwanjax.plotting import (
     plot_diagnosis,
     plot_explained,
+    plot_loops,
     plot_places,
     plot_prediction,
     plot_restoring,
@@ -40,7 +41,7 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
 
 
 def told(study: str, verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
-    """Diagnoses for diagnosis.json: one as it is, those of several modes taken together."""
+    """Diagnoses for diagnosis.json: one as it is, those of modes or of parts taken together."""
     each = {name: _told(verdict) for name, verdict in verdicts.items()}
     first = {"study": study, "iwanjax": version()}
     if len(each) == 1:
@@ -68,7 +69,7 @@ def told(study: str, verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
         "complete": all(part["complete"] for part in parts),
         "seconds": sum(part["seconds"] for part in parts),
         "statement": " ".join(part["statement"] for part in parts),
-        "modes": each,
+        "modes" if isinstance(next(iter(verdicts.values())).runs[0], CurveRun) else "parts": each,
     }
 
 
@@ -145,6 +146,12 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
             "below, what either leaves, over the deviation of each point."
         )
         drawn.append((told, "prediction", plot_explained(verdict)))
+    elif isinstance(verdict.runs[0], LoopRun):
+        told = (
+            "Force against deflection as measured and as the models before and after have it; "
+            "below, what either leaves, over the force's deviation."
+        )
+        drawn.append((told, "prediction", plot_loops(verdict)))
     else:
         told = (
             "The last recording, held out where one is, from rest under the measured force: "
@@ -165,7 +172,7 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
 
 def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> Section:
     """What a verdict rests on: its pictures and its tables."""
-    curves = isinstance(verdict.runs[0], CurveRun)
+    static = isinstance(verdict.runs[0], CurveRun | LoopRun)
     models = ("Joints refitted", "With the first suspect")[: 1 + verdict.detected]
     recordings = Table(
         ("Recording", *models),
@@ -174,7 +181,7 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
             for name, errors in verdict.by_recording.items()
         ),
         "Root mean square of predicted less measured over that of measured"
-        + ("." if curves else ", free run."),
+        + ("." if static else ", free run."),
     )
     rivals = Table(
         ("Kind", "Where", "Parameters", "Probability", "Log evidence"),
@@ -212,5 +219,5 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
     )
     tables = [recordings]
     tables += [rivals] * bool(verdict.what) + [modes] * bool(verdict.observables)
-    title = f"{name}: what it rests on" if curves else "What it rests on"
+    title = f"{name}: what it rests on" if static else "What it rests on"
     return Section(title, (), tuple(pictures), tuple(tables))

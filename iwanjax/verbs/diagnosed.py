@@ -1,4 +1,4 @@
-"""Diagnoses of a study: of its structure by time histories, or of its single modes by curves."""
+"""Diagnoses of a study: of its structure by hits, of joints by loops, of modes by curves."""
 
 import math
 import sys
@@ -9,24 +9,35 @@ import numpy as np
 from iwanjax.config import Study
 from iwanjax.discrepancy import Diagnosis, Transient, diagnose
 from iwanjax.discrepancy.diagnose_curves import diagnose_curves
+from iwanjax.discrepancy.diagnose_loops import diagnose_loops
 from iwanjax.errors import InputError
-from iwanjax.signals import Recording
+from iwanjax.signals import ForceLoop, Recording, read_loop
 from iwanjax.updating import modal_parameters
+from iwanjax.updating.structural import joint_parameters
 from iwanjax.verbs.fitted import of_one_quantity
 from iwanjax.verbs.measured import measured_modes, recordings_of
 
 
 def diagnosed(study: Study, budget: float | None = None) -> dict[str, Diagnosis]:
-    """What a study's model lacks: one verdict on its structure, or one on each single mode.
+    """What a study's model lacks: a verdict on its structure and each joint, or on each mode.
 
     Raises
     ------
     InputError
-        As :func:`iwanjax.diagnose` and :func:`iwanjax.diagnose_curves`.
+        As :func:`iwanjax.diagnose`, :func:`iwanjax.diagnose_loops` and
+        :func:`iwanjax.diagnose_curves`.
     """
     limit = budget if budget is not None else study.budget
     seconds = math.inf if limit is None else limit
-    return _modes(study, seconds) if study.modal else {study.name: _structure(study, seconds)}
+    if study.modal:
+        return _modes(study, seconds)
+    looped = dict.fromkeys(entry.joint for entry in study.recordings if entry.kind == "loop")
+    transient = any(entry.kind == "transient" for entry in study.recordings)
+    share = seconds / (len(looped) + transient or 1)
+    found = {label: _joint(study, label, share) for label in looped if label is not None}
+    if transient or not found:
+        found[study.name] = _structure(study, share)
+    return found
 
 
 def _say(line: str) -> None:
@@ -61,6 +72,39 @@ def _modes(study: Study, budget: float) -> dict[str, Diagnosis]:
     return found
 
 
+def _joint(study: Study, label: str, budget: float) -> Diagnosis:
+    """A joint by its loops."""
+    structure = study.structure
+    # Loops of joints are refused without.
+    assert structure is not None
+    if label not in structure.joints:
+        raise InputError(
+            f"{study.path}: {label!r} is no joint of the structure: {', '.join(structure.joints)}"
+        )
+    read: dict[str, list[ForceLoop]] = {"fit": [], "hold_out": []}
+    for entry in study.recordings:
+        if entry.kind == "loop" and entry.joint == label:
+            try:
+                read[entry.use].append(read_loop(entry.path, name=entry.name))
+            except InputError as error:
+                raise InputError(f"{entry.place}: {error}") from None
+    if not read["fit"]:
+        raise InputError(f"{study.path}: all loops of {label} are held out; expected some to fit")
+    parameters = study.parameters(None, joint_parameters(label, structure.joints[label]))
+    return diagnose_loops(
+        structure.joints[label],
+        read["fit"],
+        read["hold_out"],
+        parameters,
+        name=label,
+        hypotheses=study.hypotheses,
+        starts=study.fit.starts,
+        seed=study.seed,
+        budget=budget,
+        progress=_say,
+    )
+
+
 def _structure(study: Study, budget: float) -> Diagnosis:
     """The structure by its recordings with force."""
     model, structure = study.model, study.structure
@@ -79,8 +123,8 @@ def _structure(study: Study, budget: float) -> Diagnosis:
     ]
     if not found:
         raise InputError(
-            f"{study.path}: no recordings of kind transient; diagnose needs time histories with "
-            "force so far"
+            f"{study.path}: no recordings of kind transient or loop; diagnose needs time histories "
+            "with force, or loops of joints"
         )
     sensors, quantity, rate = _common(study, [recording for _, recording in found])
     transients = [

@@ -1,0 +1,297 @@
+"""Verdicts on one joint: a force beside it, by evidence, and how much better predictions get."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.discrepancy.catalogue import ForceKind
+from iwanjax.discrepancy.evidence import log_evidence, shares, untried
+from iwanjax.discrepancy.observables import Observable
+from iwanjax.discrepancy.ranking import LEAST_GAIN
+from iwanjax.discrepancy.rounds import INDULGENCE
+from iwanjax.discrepancy.suspicion import Estimate
+from iwanjax.discrepancy.verdict import Diagnosis, Errors, Run, Suspect, alike
+
+# Evidences closer than this cannot be told apart.
+_ALIKE = 3.0
+# Error over the noise's from which on something is left unexplained.
+_UNEXPLAINED = 1.25
+# Shapes tried, how far they go beyond those of the catalogue, how often the best is bracketed, and
+# how often a parabola then says where the best of all is.
+_SHAPES, _BEYOND, _BRACKETS, _PARABOLAS = 8, 4.0, 2, 2
+
+
+class Named(NamedTuple):
+    """A force with its shape, if any."""
+
+    kind: ForceKind
+    shape: float
+
+
+class Explained(Protocol):
+    """Measurements of one joint, explained by it and at most one force."""
+
+    @property
+    def force(self) -> Named | None:
+        """None for the joint alone."""
+        ...
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared residuals over their deviations."""
+        ...
+
+    @property
+    def unknowns(self) -> int:
+        """Values that were adjusted."""
+        ...
+
+    @property
+    def count(self) -> int:
+        """Values that were measured."""
+        ...
+
+    def correlation(self) -> float:
+        """Correlation time of the residuals, in values."""
+        ...
+
+
+Fit = TypeVar("Fit", bound=Explained)
+
+
+def to_size(variable: Array, scale: Array, positive: Array) -> Array:
+    """A force's size from the variable that is searched: by its logarithm if it is positive."""
+    return scale * jnp.where(positive > 0, jnp.exp(variable), variable)
+
+
+def to_variable(size: Array, scale: Array, positive: Array) -> Array:
+    """The inverse of :func:`to_size`."""
+    share = size / scale
+    return jnp.where(positive > 0, jnp.log(jnp.maximum(jnp.abs(share), 1e-6)), share)
+
+
+def linearised(slopes: np.ndarray, cost: float) -> np.ndarray:
+    """Standard deviations of parameters, NaN where nothing depends on one.
+
+    Times the misfit where that exceeds 1.
+
+    Parameters
+    ----------
+    slopes : (values, parameters) array
+        Of the residuals.
+    cost : float
+        Sum of their squares.
+    """
+    sizes = np.linalg.norm(slopes, axis=0)
+    used = sizes > 0
+    inverse = np.linalg.pinv(slopes[:, used] / sizes[used], rcond=1e-10)
+    std = np.full(len(sizes), math.nan)
+    misfit = cost / max(1, len(slopes) - int(used.sum()))
+    std[used] = np.linalg.norm(inverse, axis=1) / sizes[used] * math.sqrt(max(1.0, misfit))
+    return std
+
+
+def best_of(fits: Sequence[Fit]) -> Fit:
+    """Of least cost."""
+    return min(fits, key=lambda each: each.cost)
+
+
+def over_shapes(begin: Sequence[float], at: Callable[[float], Fit | None]) -> list[Fit]:
+    """Fits with shapes on a grid about those to begin with, then nearer to the best.
+
+    Parameters
+    ----------
+    begin : sequence of float
+        Shapes of the catalogue.
+    at : function
+        The fit with one shape; None where that does not show.
+    """
+    first, last = min(begin) / _BEYOND, max(begin) * _BEYOND
+    grid = np.geomspace(first, last, _SHAPES).tolist()
+    found = [each for each in map(at, grid) if each is not None]
+    for i in range(_BRACKETS if found else 0):
+        best = best_of(found).force
+        assert best is not None
+        factor = (last / first) ** (0.5 ** (i + 1) / (_SHAPES - 1))
+        near = (at(best.shape * factor), at(best.shape / factor))
+        found += [each for each in near if each is not None]
+    for _ in range(_PARABOLAS):
+        shape = _vertex(found)
+        nearer = at(shape) if shape is not None else None
+        found += [nearer] if nearer is not None else []
+    return found
+
+
+def _vertex(fits: Sequence[Explained]) -> float | None:
+    """Shape at which a parabola of the cost through the best and its neighbours is lowest."""
+    costs = {fit.force.shape: fit.cost for fit in fits if fit.force is not None}
+    shapes = sorted(costs)
+    i = min(range(len(shapes)), key=lambda k: costs[shapes[k]])
+    if not 0 < i < len(shapes) - 1:
+        return None
+    three = shapes[i - 1 : i + 2]
+    x = np.log(three) - math.log(shapes[i])
+    bend, slope, _ = np.polyfit(x, [costs[each] for each in three], 2)
+    return shapes[i] * math.exp(-0.5 * slope / bend) if bend > 0 else None
+
+
+class Entry(NamedTuple, Generic[Fit]):
+    """A fit and its log evidence."""
+
+    fit: Fit
+    value: float
+
+
+class Standing(NamedTuple, Generic[Fit]):
+    """Fits by evidence.
+
+    Attributes
+    ----------
+    alone : Fit
+        The joint on its own.
+    entries : tuple of Entry
+        It and what may act beside it, the best first.
+    """
+
+    alone: Fit
+    entries: tuple[Entry[Fit], ...]
+
+    @classmethod
+    def of(cls, alone: Fit, found: Sequence[Fit]) -> "Standing[Fit]":
+        """By evidence, the best of every kind only."""
+        kinds: dict[str, Fit] = {}
+        for fit in found:
+            assert fit.force is not None
+            name = fit.force.kind.name
+            kinds[name] = best_of([kinds.get(name, fit), fit])
+        fits = [alone, *kinds.values()]
+        first = best_of(fits)
+        # No measurement is trusted to be better known than its deviations say.
+        temperature, tau = max(1.0, first.cost / alone.count), first.correlation()
+        costs, unknowns = zip(*((each.cost, each.unknowns) for each in fits), strict=True)
+        values = log_evidence(costs, unknowns, alone.count, temperature, tau)
+        values[0] += INDULGENCE * alone.cost / (2.0 * temperature * tau)
+        entries = [Entry(fit, float(value)) for fit, value in zip(fits, values, strict=True)]
+        return cls(alone, tuple(sorted(entries, key=lambda each: -each.value)))
+
+    @property
+    def detected(self) -> bool:
+        """Whether something is missing."""
+        nothing = next(each.value for each in self.entries if each.fit is self.alone)
+        return self.entries[0].value - nothing > LEAST_GAIN
+
+    @property
+    def chosen(self) -> Fit:
+        """The model to go on with."""
+        return self.entries[0].fit if self.detected else self.alone
+
+    def probabilities(self) -> dict[int, float]:
+        """Of each fit, by its identity; the joint alone is as much likelier before the data."""
+        odds = [each.value + LEAST_GAIN * (each.fit is self.alone) for each in self.entries]
+        ids = [id(each.fit) for each in self.entries]
+        return dict(zip(ids, shares(np.array(odds)).tolist(), strict=True))
+
+    def suspects(
+        self, where: str, known: float, estimates: Callable[[Fit], tuple[Estimate, ...]]
+    ) -> Iterator[Suspect]:
+        """What may act beside the joint, with its share of what is known."""
+        odds = self.probabilities()
+        for each in self.entries:
+            if each.fit.force is not None:
+                kind, behind = each.fit.force.kind, each.value - self.entries[0].value
+                share = known * odds[id(each.fit)]
+                yield Suspect(kind, where, share, behind, estimates(each.fit))
+
+
+def concluded(
+    standing: Standing[Fit],
+    where: str,
+    runs: tuple[Run, Run],
+    fitted: int,
+    estimates: Callable[[Fit], tuple[Estimate, ...]],
+    *,
+    observables: tuple[Observable, ...],
+    warnings: Sequence[str],
+    complete: bool,
+    seconds: float,
+) -> Diagnosis:
+    """The verdict.
+
+    Parameters
+    ----------
+    standing : Standing
+        Fits by evidence.
+    where : str
+        What the verdict calls the joint.
+    runs : (Run, Run)
+        Predictions before and after, the recordings that were fitted first.
+    fitted : int
+        How many these are.
+    estimates : function
+        Size and shape of a fit's force.
+    observables : tuple of Observable
+        Where the model before is clearly off.
+    warnings : sequence of str
+        What is odd beside the errors themselves.
+    complete : bool
+        Whether there was time for everything.
+    seconds : float
+        What it took.
+    """
+    before, after = (_errors(run.by_recording(), fitted) for run in runs)
+    floor = _errors(runs[1].floors(), fitted)
+    detected, unknown = standing.detected, untried(after.fit / floor.fit)
+    what = tuple(standing.suspects(where, 1.0 - unknown, estimates)) if detected else ()
+    nothing = standing.probabilities()[id(standing.alone)]
+    return Diagnosis(
+        detected=detected,
+        probability_nothing_missing=(1.0 - unknown) * nothing,
+        probability_something_else=unknown,
+        what=what,
+        before=before,
+        after=after,
+        noise_floor=floor,
+        noise_floor_95=Errors(math.nan, math.nan),
+        parameter_spread=Errors(math.nan, math.nan),
+        indistinguishable=alike(what, _ALIKE) if what else (),
+        observables=observables if detected else (),
+        scores=(),
+        runs=runs,
+        sampling_rate=math.nan,
+        restoring=None,
+        warnings=(*warnings, *_warnings((before, after), floor, unknown, detected)),
+        complete=complete,
+        seconds=seconds,
+    )
+
+
+def _errors(by_recording: Mapping[str, float], fitted: int) -> Errors:
+    """Root mean square over those that were fitted, and over the others."""
+    square = np.square(list(by_recording.values()))
+    parts = (square[:fitted], square[fitted:])
+    return Errors(*(math.sqrt(float(x.mean())) if x.size else math.nan for x in parts))
+
+
+def _warnings(
+    errors: tuple[Errors, Errors], floor: Errors, unknown: float, detected: bool
+) -> list[str]:
+    """What to think of the errors that are left."""
+    told, (before, after) = [], errors
+    if math.isnan(before.hold_out):
+        told.append("No recording was held out, so nothing shows that the verdict holds")
+    elif detected and after.hold_out >= before.hold_out:
+        told.append(
+            "What was added does not predict the held-out recordings better: take it as a hint"
+        )
+    ratio = after.fit / floor.fit
+    if ratio > _UNEXPLAINED:
+        rest = "also with it" if detected else "and nothing that was tried explains it"
+        told.append(
+            f"The fitted recordings are {ratio:.2g} times their deviations off, {rest} "
+            f"(probability {unknown:.2f} that something else is missing)"
+        )
+    return told

@@ -1,0 +1,175 @@
+"""What a joint lacks, by its loops: from sliders of a code of their own."""
+
+import itertools
+import json
+import re
+
+import numpy as np
+import pytest
+from concealed.physics import slider_bank
+from typer.testing import CliRunner
+
+import iwanjax as ij
+from iwanjax.cli import app
+from iwanjax.discrepancy import CATALOGUE
+from iwanjax.discrepancy.loops import driven, quasi_static
+from iwanjax.errors import InputError
+
+K_T = 1.0
+SLIP, STIFFNESS = slider_bank(*map(np.asarray, (10.0, K_T, -0.5, 5.0)))
+PHI = SLIP[-1]
+CUBIC = 0.05 * K_T / PHI**2
+GUESS = ij.Iwan4(F_S=7.0, K_T=1.2, chi=-0.3, beta=3.0)
+TRIED = ("stiffness_error", "cubic_stiffness", "coulomb_friction", "viscous_damping")
+# Amplitudes of the loops over phi_max, the last one held out; values of a quarter of a loop.
+LEVELS, QUARTER = ((0.3, 0.7), (1.1,), (0.15, 0.5, 1.3)), 40
+
+
+def stretched(d, slip, stiffness):
+    """Force of sliders along a history, by their own rule."""
+    stretch, last, force = np.zeros_like(slip), 0.0, []
+    for now in d:
+        stretch, last = np.clip(stretch + now - last, -slip, slip), now
+        force.append(stretch @ stiffness)
+    return np.array(force)
+
+
+FORCES = {
+    "none": lambda d: 0.0 * d,
+    "cubic_stiffness": lambda d: CUBIC * d**3,
+    "coulomb_friction": lambda d: stretched(d, np.array([0.1 * PHI]), np.array([0.2 * K_T])),
+}
+
+
+def path(levels):
+    """From rest through two loops of each level, back to where the last one was left."""
+    turns = [0.0, *(side * PHI * a for a in levels for side in (1.0, -1.0, 1.0, -1.0))]
+    turns.append(turns[-2])
+    parts = [np.linspace(*ends, 2 * QUARTER + 1)[1:] for ends in itertools.pairwise(turns)]
+    return np.concatenate([[0.0], *parts])
+
+
+def loops(name, steady=False):
+    """Noise of 0.2 % of F_S and a load cell's offset; a steady loop alone if so asked."""
+    random, found = np.random.default_rng(1), []
+    for i, levels in enumerate(LEVELS):
+        d = path(levels)
+        force = stretched(d, SLIP, STIFFNESS) + FORCES[name](d)
+        force = force + 0.3 + 0.02 * random.standard_normal(d.size)
+        last = slice(-4 * QUARTER - 1, None) if steady else slice(None)
+        found.append(ij.ForceLoop(d[last], force[last], f"loop{i}"))
+    return found
+
+
+def verdict(name, steady=False):
+    several = loops(name, steady)
+    return ij.diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=TRIED)
+
+
+@pytest.mark.parametrize("steady", [False, True])
+def test_nothing_is_missing_from_a_joint_that_is_all(steady):
+    told = verdict("none", steady)
+    assert not told.detected
+    assert told.probability_nothing_missing > 0.95
+    assert told.after.hold_out < 1.2 * told.noise_floor.hold_out
+
+
+@pytest.mark.parametrize("steady", [False, True])
+def test_a_cubic_spring_beside_it_is_found(steady):
+    told = verdict("cubic_stiffness", steady)
+    assert told.detected
+    first = told.what[0]
+    assert (first.kind.name, first.where) == ("cubic_stiffness", "J1")
+    assert first.probability > 0.95
+    (size,) = first.parameters
+    assert size.value == pytest.approx(CUBIC, rel=0.05)
+    assert told.after.hold_out < 1.3 * told.noise_floor.hold_out < 0.5 * told.before.hold_out
+    assert any("viscous_damping" in line and "rate" in line for line in told.warnings)
+
+
+def test_a_slider_beside_it_is_found_with_its_slip():
+    told = verdict("coulomb_friction")
+    assert told.what[0].kind.name == "coulomb_friction"
+    size, shape = told.what[0].parameters
+    assert size.value == pytest.approx(0.2 * K_T, rel=0.1)
+    assert shape.value == pytest.approx(0.1 * PHI, rel=0.1)
+
+
+def test_which_forces_loops_without_time_show():
+    d = np.asarray(driven(loops("none"), (1.0, 1.0, 1.0), 2, True).d)
+    slow = {
+        kinds[0].name
+        for kinds in CATALOGUE.values()
+        if hasattr(kinds[0], "unit_force") and quasi_static(kinds[0], d)
+    }
+    rate = {"mass_error", "viscous_damping", "quadratic_damping", "viscoelastic"}
+    assert not slow & rate
+    assert {"cubic_stiffness", "gap_contact", "coulomb_friction", "bilinear_stiffness"} <= slow
+
+
+def test_a_long_loop_is_drawn_by_fewer_values_that_keep_its_turns():
+    (loop,) = loops("none")[2:]
+    few = driven([loop], (1.0,), 1, False, 50)
+    assert few.d.shape[1] <= 52
+    assert set(np.asarray(few.d)[0]) >= {
+        *loop.before(False),
+        loop.d.max(),
+        loop.d.min(),
+        loop.d[-1],
+    }
+
+
+def test_it_is_refused_without_loops():
+    with pytest.raises(InputError, match="no loops to fit"):
+        ij.diagnose_loops(GUESS, [])
+
+
+def test_a_budget_that_is_spent_leaves_the_joint_alone():
+    told = ij.diagnose_loops(GUESS, loops("none")[:1], budget=0.0)
+    assert not told.complete
+    assert not told.detected
+
+
+# --- the command -------------------------------------------------------------------------------
+
+
+def study(folder, several, uses, **files):
+    entries = []
+    for loop, use in zip(several, uses, strict=True):
+        held = {"displacement": loop.d.tolist(), "force": loop.force.tolist()}
+        (folder / f"{loop.name}.json").write_text(json.dumps(held) if not files else files["text"])
+        entries.append(f"  - {{file: {loop.name}.json, kind: loop, joint: J1, use: {use}}}")
+    lines = ["name: J1 on its own", "model: {builder: three_mass}", "recordings:", *entries]
+    lines += ["hypotheses: [cubic_stiffness]", "fit: {starts: 16}"]
+    (folder / "study.yaml").write_text("\n".join(lines))
+    arguments = ["diagnose", str(folder / "study.yaml"), "--out", str(folder / "out")]
+    return CliRunner().invoke(app, arguments), folder / "out"
+
+
+def test_the_command_takes_loops(tmp_path):
+    result, out = study(tmp_path, loops("cubic_stiffness"), ("fit", "fit", "hold_out"))
+    assert result.exit_code == 0, result.stderr
+    found = json.loads((out / "diagnosis.json").read_text())
+    assert [(each["kind"], each["where"]) for each in found["what"]] == [("cubic_stiffness", "J1")]
+    assert found["fit"]["after"]["hold_out"] < 0.5 * found["fit"]["before"]["hold_out"]
+    assert sorted(file.name for file in out.iterdir()) == [
+        "diagnosis.json",
+        "diagnosis.png",
+        "prediction.png",
+        "report.html",
+    ]
+    assert "J1: what it rests on" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("uses", "files", "told"),
+    [
+        (("hold_out",) * 3, {}, "all loops of J1 are held out"),
+        (("fit",) * 3, {"text": "[1"}, r"recordings\[0\]: .*loop0.json: is no JSON"),
+    ],
+)
+def test_the_command_refuses_what_it_cannot_use(tmp_path, uses, files, told):
+    result, out = study(tmp_path, loops("none"), uses, **files)
+    assert result.exit_code == 2
+    assert not out.exists()
+    assert re.search(told, result.stderr)
