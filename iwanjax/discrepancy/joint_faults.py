@@ -210,10 +210,10 @@ def _beside_another(
         if place and guesses and key not in made:
             made[key] = suspicion.with_joint(search, kind, place, guesses, kept)
     found = _best_of_each(list(made.values()), limits, grounds)
-    return found + _without_the_other(found, grounds)
+    return found + without_the_other(found, grounds)
 
 
-def _without_the_other(pairs: Sequence[Entry], grounds: Grounds) -> list[Entry]:
+def without_the_other(pairs: Sequence[Entry], grounds: Grounds) -> list[Entry]:
     """Joints alone from where they are beside another, which may only have led there."""
     best = min(map(cost_of, pairs), default=math.inf)
     of_place: dict[str, Entry] = {}

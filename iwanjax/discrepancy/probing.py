@@ -46,11 +46,8 @@ def probed(
     list of Entry
         The same and what was found, the best first.
     """
-    # Where two cycles and where eight point to, which differ where neither is near.
-    ahead = (*entries[:1], *shorts[:1])
-    found = [entry.fitted.hypothesis.where[-1] for entry in ahead]
-    labels = dict.fromkeys([*found, *(c.start.hypothesis.where[-1] for c in candidates)])
     named = {place.label: place for place in grounds.places}
+    labels = pointed_at(shorts, entries, candidates)
     places = [named[label] for label in labels if label in named][:_PLACES]
     if not places or not grounds.in_time():
         return entries
@@ -77,6 +74,17 @@ def probed(
         if rival is None or each.cost < rival.fitted.cost or rival.fitted.cycles != each.cycles:
             known[each.hypothesis.variant] = Entry(search, each)
     return sorted(known.values(), key=cost_of)
+
+
+def pointed_at(
+    shorts: Sequence[Entry], entries: Sequence[Entry], candidates: Sequence[Candidate]
+) -> list[str]:
+    """Places by rank: where eight cycles and where two point to, then the screenings.
+
+    The former two differ where neither is near the truth, which may be at either.
+    """
+    found = [entry.fitted.hypothesis.where[-1] for entry in (*entries[:1], *shorts[:1])]
+    return list(dict.fromkeys([*found, *(c.start.hypothesis.where[-1] for c in candidates)]))
 
 
 def _known(fitted: Fitted, shorts: Sequence[Entry]) -> bool:

@@ -108,6 +108,13 @@ def test_beside_another_suspect_the_same_holds():
     assert order(base, joint, entry(1.0, "coulomb_friction@a"))[0] == ("iwan_joint", "mass_error")
 
 
+def test_two_at_once_have_to_explain_more_than_either():
+    base, alone = entry(3.0), entry(1.0, "iwan_joint@a")
+    little, much = (entry(cost, "iwan_joint@a", "mass_error@b") for cost in (0.97, 0.9))
+    assert order(base, little, alone)[0] == ("iwan_joint",)
+    assert order(base, much, alone)[0] == ("iwan_joint", "mass_error")
+
+
 def test_what_fits_best_goes_on_though_others_are_ahead():
     entries = [entry(1.0 + 0.005 * i, "viscoelastic@a") for i in range(5)]
     fittest = entry(0.97, "iwan_joint@b")

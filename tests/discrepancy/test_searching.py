@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,19 +17,20 @@ from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
 from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, Kind
 from iwanjax.discrepancy.competition import Table, refined
 from iwanjax.discrepancy.fitting import SHORT, Fitted, alike, fit_all
+from iwanjax.discrepancy.joint_faults import without_the_other
 from iwanjax.discrepancy.lanes import Lane, Layout
 from iwanjax.discrepancy.limits import with_limits
 from iwanjax.discrepancy.measured import Transient, _finer
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import predictor
-from iwanjax.discrepancy.probing import probed
+from iwanjax.discrepancy.probing import pointed_at, probed
 from iwanjax.discrepancy.residuals import Seen, evaluate, glance
 from iwanjax.discrepancy.resolution import Resolution, Resolved
 from iwanjax.discrepancy.rounds import MIDDLE, STEPS, Entry, Grounds, screened, settled
 from iwanjax.discrepancy.search import Hypothesis, Search, Start
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspects import Suspects
-from iwanjax.discrepancy.suspicion import force
+from iwanjax.discrepancy.suspicion import Guess, force, with_joint
 
 NOTHING = Hypothesis(
     (),
@@ -218,6 +220,32 @@ def test_what_has_come_to_the_same_end_before_is_probed_no_further():
     variants = [[e.fitted.hypothesis.variant for e in some] for some in (found, others)]
     assert variants[0][0] not in variants[1]
     assert set(variants[1]) <= set(variants[0])
+
+
+def test_where_a_short_memory_points_is_probed_beside_where_a_longer_one_does():
+    def at(*labels):
+        hypotheses = [SimpleNamespace(where=(label,)) for label in labels]
+        return [SimpleNamespace(fitted=SimpleNamespace(hypothesis=h)) for h in hypotheses]
+
+    screened_at = [SimpleNamespace(start=SimpleNamespace(hypothesis=SimpleNamespace(where=("c",))))]
+    assert pointed_at(at("a", "d"), at("b", "a"), screened_at) == ["b", "a", "c"]
+    assert pointed_at(at("a"), at("a"), screened_at) == ["a", "c"]
+    assert pointed_at([], [], screened_at) == ["c"]
+
+
+def test_a_joint_goes_on_alone_from_where_it_is_beside_another():
+    search, grounds = searching(struck(lambda d: 8e3 * d))
+    (place,), kind = grounds.places, CATALOGUE["iwan_joint"][0]
+    row, z = np.asarray(place.row), np.zeros(4)
+    spring = force(search, CATALOGUE["stiffness_error"][0], "J1", row, z, 1.0, 1.0)
+    guess = Guess(8e3, 1.0, z)
+    own, starts = with_joint(search, kind, place, [guess], spring)
+    pair = Entry(own, fit_all(own, starts, SHORT, 2)[0])
+    assert pair.fitted.hypothesis.label == "iwan_joint@J1 + stiffness_error@J1"
+    (alone,) = without_the_other([pair], grounds)
+    assert alone.fitted.hypothesis.label == "iwan_joint@J1"
+    assert alone.search is own
+    assert alone.fitted.cost < 1.02 * pair.fitted.cost
 
 
 def test_a_spring_is_found_behind_what_has_it_for_a_limit():
