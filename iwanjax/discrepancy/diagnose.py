@@ -60,7 +60,8 @@ def diagnose(
     several starts, with a memory of two, then eight cycles. Then every kind at every place is
     judged at size zero by what it would take off the residual beyond what the joints can; the
     best are refitted with the joints, and the best of these with longer and longer memory up to
-    the free run. Where the residual stays above the noise a second suspect is looked for beside
+    the free run. A free decay's state at its beginning is estimated with everything else. Where
+    the residual stays above the noise a second suspect is looked for beside
     the first; where nothing shows with a memory of eight cycles but in the free run, as with a
     joint that drifts, suspects are looked for there.
 
@@ -98,7 +99,7 @@ def diagnose(
     Raises
     ------
     InputError
-        For recordings without force or that do not fit the model, unknown hypotheses.
+        For recordings whose force is zero or that do not fit the model, unknown hypotheses.
     PrecisionError
         When JAX computes in float32.
     """
@@ -230,7 +231,7 @@ def _check(recordings: Sequence[Transient], inputs: int, sensors: int) -> None:
                 f"{each.name}: response has shape {each.response.shape}; expected (N, {sensors}), "
                 "a column for each sensor"
             )
-        if each.force.shape != (len(each.response), inputs):
+        if each.force is not None and each.force.shape != (len(each.response), inputs):
             raise InputError(
                 f"{each.name}: force has shape {each.force.shape}; expected "
                 f"({len(each.response)}, {inputs})"

@@ -1,4 +1,4 @@
-"""How well a fitted model predicts recordings from rest, and what noise alone would leave."""
+"""How well a fitted model predicts recordings in free run, and what noise alone would leave."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,6 +14,9 @@ from iwanjax.discrepancy.macroslip import Alternative, alternatives
 from iwanjax.discrepancy.measured import Prepared
 from iwanjax.discrepancy.residuals import evaluate, glance
 from iwanjax.discrepancy.search import Search, drifting_values, elapsed, free_values, rates
+
+# Memories with which the state of a decay is estimated, one step of Gauss and Newton each.
+_MEMORIES = (8.0, 8.0, 40.0, math.inf, math.inf)
 
 
 class Free(NamedTuple):
@@ -98,6 +101,8 @@ def free_run(
 ) -> Free:
     """A fitted model against recordings, integrated from rest under the measured forces.
 
+    A free decay is integrated from the state that suits it best.
+
     Parameters
     ----------
     search : Search
@@ -134,11 +139,16 @@ def _free(
     rows = search.still(np.stack([theta[min(i, count - 1)] for i in range(R)]))
     weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
     safe = np.where(weight > 0, weight, np.inf)
+    decays = np.asarray(those.data.kick)[:, 0] > 0
+    if np.any(decays):
+        rows = _released(here, fitted, rows, decays)
     (seen,) = evaluate(here, [(fitted.hypothesis, rows)], math.inf)
     left = (OF_NOISE * those.noise[:, None, :]) ** 2
     own = np.sum(np.where(weight > 0, left, 0.0), axis=(1, 2))
     # What the forces' noise does to the state after the pulse, of deviation 1 each.
     kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]
+    # A decay's state was estimated from itself: noise leaves it little to be wrong by.
+    kicked[decays[:count]] = 0.0
     gram = np.einsum("rins,rjns->rij", kicked, kicked)
     own = own + np.einsum("rii->r", gram)
     scatter = 2.0 * np.sum(gram**2, axis=(1, 2))
@@ -155,6 +165,20 @@ def _free(
         unsure = unsure + each.weight * np.sum(change**2, axis=(1, 2))
     error, measured = seen.residual[:count] / safe, np.where(weight > 0, y, 0.0)
     return Free(those.names, error, measured, own, scatter, unsure)
+
+
+def _released(search: Search, fitted: Fitted, rows: np.ndarray, decays: np.ndarray) -> np.ndarray:
+    """Values with the states in which free decays began, by the decays themselves."""
+    rows = rows.copy()
+    for cycles in _MEMORIES:
+        (seen,) = evaluate(search, [(fitted.hypothesis, rows)], cycles)
+        J = np.asarray(seen.slopes)[:, fitted.values :].reshape(len(rows), search.directions, -1)
+        off, state = seen.residual.reshape(len(rows), -1), rows[:, fitted.values :]
+        downhill = np.einsum("rin,rn->ri", J, off) + state
+        normal = np.einsum("rin,rjn->rij", J, J) + np.eye(search.directions)
+        step = np.linalg.solve(normal, downhill[..., None])[..., 0]
+        rows[:, fitted.values :] -= np.where(decays[:, None], step, 0.0)
+    return rows
 
 
 def _open(

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.measured import DIRECTIONS
 from iwanjax.discrepancy.residuals import Seen, correlation_time, evaluate
 from iwanjax.discrepancy.search import (
     Hypothesis,
@@ -54,7 +53,7 @@ def _laid_out(search: Search, start: Start) -> tuple[Layout, np.ndarray]:
     given = np.atleast_2d(start.theta)
     if hypothesis.drifting is None:
         given = given.mean(axis=0, keepdims=True)
-    base = np.concatenate([given[0, :fixed], np.zeros(DIRECTIONS)])
+    base = np.concatenate([given[0, :fixed], np.zeros(search.directions)])
     eye = np.eye(len(base))
     shared = free_values(search, hypothesis)
     columns = [np.tile(eye[i], (R, 1)) for i in shared]

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from iwanjax.discrepancy.band import HALF, OF_NOISE
 from iwanjax.discrepancy.hold import hold
 from iwanjax.discrepancy.prediction import Data, Predictor
+from iwanjax.discrepancy.release import released
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.errors import InputError
 
@@ -38,12 +39,12 @@ _PARTS = 4
 # Samples beside a pulse over which what is between them dies away.
 _TAIL = 16
 # Directions in which the state after a pulse is uncertain.
-DIRECTIONS = 6
+_DIRECTIONS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Transient:
-    """One recording with force.
+    """One recording, with the force that made it or as a free decay.
 
     Parameters
     ----------
@@ -51,16 +52,24 @@ class Transient:
         For reports.
     response : (N, sensors) array
         As measured, all recordings with the same sensors in the same order.
-    force : (N, inputs) array
-        As measured, zero for inputs that were not hit.
+    force : (N, inputs) array or None
+        As measured, zero for inputs that were not hit; None for a free decay, which begins
+        when nothing touches the structure any more.
     use : {"fit", "hold_out"}
         Whether a fit may see it.
     """
 
     name: str
     response: Float[np.ndarray, "N sensors"]
-    force: Float[np.ndarray, "N inputs"]
+    force: Float[np.ndarray, "N inputs"] | None
     use: Literal["fit", "hold_out"] = "fit"
+
+    @property
+    def quiet(self) -> np.ndarray:
+        """Samples before any force, (n, sensors)."""
+        if self.force is None:
+            return self.response[:0].astype(float)
+        return _before(self.response, cleaned(self.force.astype(float)).first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +121,7 @@ def prepared(
     known_noise: np.ndarray,
     length: int,
     count: int,
+    directions: int,
 ) -> Prepared:
     """Clean forces, integrate what they do to the modes, and weigh residuals.
 
@@ -125,6 +135,8 @@ def prepared(
         Standard deviations that the study gives; NaN where it does not.
     length, count : int
         Samples, and recordings, to fill up to: kernels are compiled for one shape.
+    directions : int
+        Of a state that is uncertain.
 
     Raises
     ------
@@ -141,27 +153,36 @@ def prepared(
     beside = _RINGING if cycles > _HIGH else _BESIDE
     for each in recordings:
         _check(each)
-        response, force = each.response.astype(float), cleaned(each.force.astype(float), beside)
-        noise = np.where(np.isnan(known_noise), _noise(response, force.first), known_noise)
-        rms = np.sqrt(np.mean(response**2, axis=0))
-        deviation = np.sqrt(noise**2 + (_MODEL_ERROR * rms) ** 2)
-        weight = 1.0 / (OF_NOISE * np.sqrt(deviation**2 + _felt(made, modal, force) ** 2))
-        weight[:HALF] = weight[-HALF:] = 0.0
+        response = each.response.astype(float)
         missing = (0, length - len(response))
         kick = np.zeros(length)
-        kick[min(force.last + 1, len(response) - 1)] = 1.0
-        push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))))
+        if each.force is None:
+            noise = np.where(np.isnan(known_noise), _noise(response, 0), known_noise)
+            state, unsure = released(made, response, noise)
+            felt, kick[0] = np.zeros_like(response), 1.0
+            push = np.zeros((length, made.substeps, modal.W.shape[0] + 2 * made.kept))
+            push[0, -1, : len(state)] = state
+        else:
+            force = cleaned(each.force.astype(float), beside)
+            noise = np.where(np.isnan(known_noise), _noise(response, force.first), known_noise)
+            felt, unsure = _felt(made, modal, force), _unsure(made, modal, force)
+            kick[min(force.last + 1, len(response) - 1)] = 1.0
+            push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))))
+            warnings += _odd(each, force)
+        rms = np.sqrt(np.mean(response**2, axis=0))
+        deviation = np.sqrt(noise**2 + (_MODEL_ERROR * rms) ** 2)
+        weight = 1.0 / (OF_NOISE * np.sqrt(deviation**2 + felt**2))
+        weight[:HALF] = weight[-HALF:] = 0.0
         rows.append(
             (
                 push,
                 np.pad(response, (missing, (0, 0))),
                 np.pad(weight, (missing, (0, 0))),
                 kick,
-                _unsure(made, modal, force),
+                np.pad(unsure, ((0, 0), (0, directions - unsure.shape[1]))),
             )
         )
         noises.append(noise)
-        warnings += _odd(each, force)
     filled = [rows[i % len(rows)] for i in range(count)]
     push, response, weight, kick, unsure = (np.stack(x) for x in zip(*filled, strict=True))
     weight[len(rows) :] = 0.0
@@ -170,14 +191,20 @@ def prepared(
     return Prepared(names, data, np.stack(noises), tuple(warnings))
 
 
+def directions_of(recordings: Sequence[Transient], made: Predictor) -> int:
+    """In how many the states of recordings are uncertain: that of a free decay in all."""
+    decays = any(each.force is None for each in recordings)
+    return max(_DIRECTIONS, 2 * made.kept) if decays else _DIRECTIONS
+
+
 def _check(each: Transient) -> None:
     for array, what in ((each.response, "response"), (each.force, "force")):
-        if not np.all(np.isfinite(array)):
+        if array is not None and not np.all(np.isfinite(array)):
             raise InputError(f"{each.name}: {what} holds NaN or infinite values")
-    if not np.any(each.force):
+    if each.force is not None and not np.any(each.force):
         raise InputError(
-            f"{each.name}: the force is zero throughout; a diagnosis needs recordings with the "
-            "force that made them"
+            f"{each.name}: the force is zero throughout; a diagnosis needs the force that made a "
+            "recording, or a free decay from where nothing touches the structure any more"
         )
     silent = np.flatnonzero(~np.any(each.response, axis=0))
     if silent.size:
@@ -307,12 +334,12 @@ def _unsure(made: Predictor, modal: ModalCoordinates, force: Force) -> np.ndarra
         active = np.flatnonzero(force.clean[n])
         columns += [W[:, i] * force.noise[i] for i in active]
         W = step @ W
-    found = np.zeros((2 * kept, DIRECTIONS))
+    found = np.zeros((2 * kept, _DIRECTIONS))
     if columns:
         # Displacements times frequencies: both halves of the state are of one size then.
         size = np.concatenate([np.sqrt(np.maximum(made.omega2, 1.0)), np.ones(kept)])
         U, S, _ = np.linalg.svd(size[:, None] * np.stack(columns, axis=1), full_matrices=False)
-        count = min(DIRECTIONS, len(S))
+        count = min(_DIRECTIONS, len(S))
         found[:, :count] = U[:, :count] * S[:count] / size[:, None]
     return found
 
@@ -334,8 +361,7 @@ def common_noise(recordings: Sequence[Transient]) -> np.ndarray:
         NaN where nothing was measured before a force, or recordings differ: a range that was
         switched between them.
     """
-    quiet = [_before(each.response, cleaned(each.force.astype(float)).first) for each in recordings]
-    quiet = [each for each in quiet if len(each) >= _ENOUGH]
+    quiet = [each.quiet for each in recordings if len(each.quiet) >= _ENOUGH]
     if not quiet:
         return np.full(recordings[0].response.shape[1], np.nan)
     variances = np.stack([np.var(each, axis=0, ddof=1) for each in quiet])

@@ -89,6 +89,13 @@ class Predictor(eqx.Module):
         """Number of modes that move."""
         return self.omega2.shape[0]
 
+    def blank(self, slots: int = 1) -> Suspects:
+        """No suspects in so many slots."""
+        modes, sensors = self.joints.shape[1], self.sensors.shape[0]
+        row, force = np.zeros((slots, modes)), np.zeros((slots, len(self.kinds)))
+        chain, logarithmic = np.zeros((slots, 3, sensors)), np.zeros(slots)
+        return Suspects(*jax.device_put((row, force, chain, logarithmic)))
+
     def pushed(
         self, row: Float[Array, " modes"], force: Float[Array, " steps"]
     ) -> Float[Array, "N substeps states"]:

@@ -10,7 +10,7 @@ import numpy as np
 from iwanjax.discrepancy.evidence import left_by_noise
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.held_out import Free, free_run
-from iwanjax.discrepancy.measured import Prepared, Transient, prepared
+from iwanjax.discrepancy.measured import Prepared, Transient, directions_of, prepared
 from iwanjax.discrepancy.prediction import Predictor
 from iwanjax.discrepancy.residuals import glance, innovations
 from iwanjax.discrepancy.rounds import MIDDLE, Entry
@@ -52,10 +52,12 @@ class Sides:
         length = max(len(each.response) for each in recordings)
         order = tuple(i for i, each in enumerate(recordings) if each.use == "fit")
         rest = [i for i, each in enumerate(recordings) if each.use == "hold_out"]
-        count = len(order)
+        count, directions = len(order), directions_of(recordings, made)
 
         def taken(those: Sequence[int]) -> Prepared:
-            return prepared([recordings[i] for i in those], made, modal, known, length, count)
+            return prepared(
+                [recordings[i] for i in those], made, modal, known, length, count, directions
+            )
 
         held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
         return cls(taken(order), order, tuple((taken(those), those) for those in held))

@@ -9,7 +9,6 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import Kind
-from iwanjax.discrepancy.measured import DIRECTIONS
 from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.prediction import Data, Predictor
 from iwanjax.discrepancy.sensitivity import Joint, tangents
@@ -119,6 +118,11 @@ class Search:
         return sum(len(joint.given.parameters) for joint in self.joints)
 
     @property
+    def directions(self) -> int:
+        """In how many the state of a recording is uncertain."""
+        return self.data.unsure.shape[-1]
+
+    @property
     def recordings(self) -> int:
         """Number of recordings."""
         return self.data.response.shape[0]
@@ -131,15 +135,12 @@ class Search:
 
     def empty(self, slots: int = 1) -> Suspects:
         """No suspects in so many slots."""
-        modes, sensors = self.predictor.joints.shape[1], self.predictor.sensors.shape[0]
-        row, force = np.zeros((slots, modes)), np.zeros((slots, len(self.predictor.kinds)))
-        chain, logarithmic = np.zeros((slots, 3, sensors)), np.zeros(slots)
-        return Suspects(*jax.device_put((row, force, chain, logarithmic)))
+        return self.predictor.blank(slots)
 
     def still(self, theta: np.ndarray) -> np.ndarray:
         """The same values for all recordings, or those of each, with no error of the state."""
         rows = np.broadcast_to(theta, (self.recordings, theta.shape[-1]))
-        return np.hstack([rows, np.zeros((self.recordings, DIRECTIONS))])
+        return np.hstack([rows, np.zeros((self.recordings, self.directions))])
 
     def gains(
         self, suspects: Sequence[Suspects], theta: np.ndarray, cycles: float, slopes: bool = True
@@ -256,7 +257,7 @@ def rates(search: Search, hypothesis: Hypothesis) -> list[int]:
     """Places, in what is fitted, of how far the values that drift go in all."""
     if hypothesis.drifting is None:
         return []
-    first = len(free_values(search, hypothesis)) + search.recordings * DIRECTIONS
+    first = len(free_values(search, hypothesis)) + search.recordings * search.directions
     # Each is followed by how far the later recordings are off the line.
     return [
         first + i * search.recordings

@@ -154,8 +154,8 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
         drawn.append((told, "prediction", plot_loops(verdict)))
     else:
         told = (
-            "The last recording, held out where one is, from rest under the measured force: "
-            "measured, predicted before and after, and the spectrum of what is left."
+            "The last recording, held out where one is, in free run: measured, predicted before "
+            "and after, and the spectrum of what is left."
         )
         drawn.append((told, "prediction", plot_prediction(verdict)))
     if verdict.restoring is not None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from iwanjax.config import Study
+from iwanjax.config import RecordingEntry, Study
 from iwanjax.discrepancy import Diagnosis, Transient, diagnose
 from iwanjax.discrepancy.diagnose_curves import diagnose_curves
 from iwanjax.discrepancy.diagnose_loops import diagnose_loops
@@ -16,6 +16,9 @@ from iwanjax.updating import modal_parameters
 from iwanjax.updating.structural import joint_parameters
 from iwanjax.verbs.fitted import of_one_quantity
 from iwanjax.verbs.measured import measured_modes, recordings_of
+
+# Kinds of recordings of a structure, and samples after the peak when a hammer has let go.
+_HISTORIES, _PEAK_ENDS = ("transient", "free_decay"), 8
 
 
 def diagnosed(study: Study, budget: float | None = None) -> dict[str, Diagnosis]:
@@ -32,7 +35,7 @@ def diagnosed(study: Study, budget: float | None = None) -> dict[str, Diagnosis]
     if study.modal:
         return _modes(study, seconds)
     looped = dict.fromkeys(entry.joint for entry in study.recordings if entry.kind == "loop")
-    transient = any(entry.kind == "transient" for entry in study.recordings)
+    transient = any(entry.kind in _HISTORIES for entry in study.recordings)
     share = seconds / (len(looped) + transient or 1)
     found = {label: _joint(study, label, share) for label in looped if label is not None}
     if transient or not found:
@@ -106,7 +109,7 @@ def _joint(study: Study, label: str, budget: float) -> Diagnosis:
 
 
 def _structure(study: Study, budget: float) -> Diagnosis:
-    """The structure by its recordings with force."""
+    """The structure by its time histories."""
     model, structure = study.model, study.structure
     # A study has these or single modes.
     assert model is not None
@@ -118,20 +121,20 @@ def _structure(study: Study, budget: float) -> Diagnosis:
     found = [
         (entry, recording)
         for entry in study.recordings
-        if entry.kind == "transient"
+        if entry.kind in _HISTORIES
         for recording in recordings_of(entry)
     ]
     if not found:
         raise InputError(
-            f"{study.path}: no recordings of kind transient or loop; diagnose needs time histories "
-            "with force, or loops of joints"
+            f"{study.path}: no recordings of kind transient, free_decay or loop; diagnose needs "
+            "time histories, or loops of joints"
         )
     sensors, quantity, rate = _common(study, [recording for _, recording in found])
     transients = [
         Transient(
             entry.name,
-            np.asarray(recording.response),
-            _forces(study, recording, entry.place),
+            _response(entry, recording),
+            None if entry.kind == "free_decay" else _forces(study, recording, entry.place),
             entry.use,
         )
         for entry, recording in found
@@ -181,6 +184,18 @@ def _common(study: Study, recordings: list[Recording]) -> tuple[list[str], Any, 
             "all acceleration, velocity or displacement"
         )
     return names, quantities.pop(), first.sampling_rate
+
+
+def _response(entry: RecordingEntry, recording: Recording) -> np.ndarray:
+    """As measured; of a free decay what follows its beginning, or its peak where none is given."""
+    response = np.asarray(recording.response)
+    if entry.kind != "free_decay":
+        return response
+    first = _PEAK_ENDS + int(np.argmax(np.max(np.abs(response), axis=1)))
+    if entry.start is not None:
+        first = math.ceil(entry.start * recording.sampling_rate)
+    last = None if entry.end is None else math.floor(entry.end * recording.sampling_rate) + 1
+    return response[first:last]
 
 
 def _forces(study: Study, recording: Recording, place: str) -> np.ndarray:

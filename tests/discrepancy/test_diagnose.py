@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import yaml
 from concealed.cases import CASES
 from concealed.plan import SETS
 from concealed.study import write
@@ -19,7 +20,7 @@ from iwanjax.discrepancy import CATALOGUE, ForceKind, Transient, diagnose, regis
 from iwanjax.joints import ParameterInfo
 
 # Chains of two masses: one set of kernels serves them all.
-NOTHING, FRICTION = 2, 94
+NOTHING, FRICTION, RATE = 2, 94, 2048
 RNG = np.random.default_rng(0)
 TWO = np.eye(2)
 ROWS = {"m1-ground": TWO[0], "m2-ground": TWO[1], "J1": np.array([-1.0, 1.0])}
@@ -98,6 +99,32 @@ def test_what_the_parameters_leave_open_is_less_than_the_noise_where_they_were_f
     assert fit["parameter_spread"]["hold_out"] > 0.0
 
 
+def test_free_decays_without_force_show_it_as_well(told, tmp_path):
+    """From some milliseconds after the hammer has let go, the state then unknown."""
+    _, truth, out = told(FRICTION)
+    study = yaml.safe_load((out.parent / "study.yaml").read_text())
+    study["model"]["file"] = str(out.parent / study["model"]["file"])
+    study["hypotheses"] = ["stiffness_error", "coulomb_friction"]
+    for each in study["recordings"]:
+        path = out.parent / each["file"]
+        force = np.abs(np.load(path)[each.pop("force")["array"]]).max(axis=1)
+        last = np.flatnonzero(force > 0.02 * force.max())[-1]
+        each |= {"file": str(path), "kind": "free_decay", "start": float(last + 6) / RATE}
+        assert each["sampling_rate"] == RATE
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(study))
+    arguments = ["diagnose", str(tmp_path / "study.yaml"), "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    verdict = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    first = verdict["what"][0]
+    assert {f"{first['kind']}@{first['where']}"} == labels(truth["kind"], truth["where"])
+    k, slip = truth["parameters"][0]["values"]
+    assert first["parameters"]["k"]["value"] == pytest.approx(k, rel=0.03)
+    assert first["parameters"]["slip"]["value"] == pytest.approx(slip, rel=0.03)
+    after, floor = verdict["fit"]["after"], verdict["fit"]["noise_floor"]
+    assert after["hold_out"] < 1.5 * floor["hold_out"]
+
+
 def test_a_budget_that_is_too_short_is_said(told):
     verdict, _, _ = told(NOTHING, "--budget", "1")
     assert verdict["complete"] is False
@@ -127,6 +154,7 @@ BAD = {
     "sensors": ({"response": np.ones((400, 3))}, {}, r"expected \(N, 2\)"),
     "inputs": ({"force": np.ones((400, 1))}, {}, "force has shape"),
     "units": ({"response": 1e4 * RNG.standard_normal((400, 2))}, {}, "one system of units"),
+    "no such decay": ({"force": None, "response": np.ones((20, 2))}, {}, "20 samples are too"),
     "kind": ({}, {"hypotheses": ("cubic_stifness",)}, "did you mean 'cubic_stiffness'"),
 }
 

@@ -46,7 +46,10 @@ def loosening(monkeypatch):
     hypothesis = SimpleNamespace(drifting=0, sizes=(False,), shapes=(False,))
     parameters = [SimpleNamespace(name=name) for name in ("F_S", "K_T", "chi", "beta")]
     joint = SimpleNamespace(given=SimpleNamespace(parameters=parameters))
-    return hypothesis, SimpleNamespace(parameters=4, recordings=3, order=(0, 1, 3), joints=(joint,))
+    search = SimpleNamespace(
+        parameters=4, recordings=3, directions=6, order=(0, 1, 3), joints=(joint,)
+    )
+    return hypothesis, search
 
 
 def test_a_drift_goes_on_in_line(loosening):

@@ -19,6 +19,7 @@ from iwanjax.discrepancy.measured import Transient, cleaned, common_noise, prepa
 from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import predictor
+from iwanjax.discrepancy.release import released
 from iwanjax.discrepancy.residuals import evaluate, glance, innovations
 from iwanjax.discrepancy.search import Search, Start
 from iwanjax.discrepancy.sensitivity import Joint
@@ -52,9 +53,36 @@ def search(response, substeps, quantity="acceleration", force=None, names=KINDS,
         model, jnp.array([[1.0, 0.0]]), jnp.eye(2), RATE, quantity, kinds, substeps
     )
     recording = Transient("rec", response, pulse() if force is None else force)
-    seen = prepared([recording], made, modal, np.array([0.01, 0.01]), N, 1)
+    seen = prepared([recording], made, modal, np.array([0.01, 0.01]), N, 1, 6)
     joints = tuple(Joint(joint, jnp.ones(4)) for joint in model.elements)
     return Search(made, joints, seen.data, np.array([0.01, 0.01]), (0,)), np.asarray(modal.Phi)
+
+
+def test_the_state_of_a_free_decay_is_estimated_from_what_follows():
+    """Of a linear structure by the matrix exponential; joints that are softer are little worse."""
+    at = jnp.asarray(np.eye(2))
+    for stiffer, tolerance in ((1.0, 0.01), (0.95, 0.2)):
+        model = structure(stiffer)
+        made, modal = predictor(model, at, at, RATE, "acceleration", (), 2)
+        right = predictor(structure(), at, at, RATE, "acceleration", (), 2)[0]
+        A, H = right.linear(np.asarray(right.stiffness), right.blank(), np.zeros(1))
+        state = np.array([2e-3, -4e-4, 0.05, 0.2])
+        step, seen = scipy.linalg.expm(A / RATE), []
+        for _ in range(N):
+            seen.append(H @ state)
+            state = step @ state
+        response = np.array(seen) + 1e-3 * RNG.standard_normal((N, 2))
+        z, off = released(made, response, np.full(2, 1e-3))
+        shapes = np.asarray(right.sensors), np.asarray(made.sensors)
+        size = np.sqrt(np.asarray(right.omega2))
+        wanted = shapes[0] @ np.array([2e-3, -4e-4]), shapes[0] @ np.array([0.05, 0.2])
+        q, v = shapes[1] @ z[:2], shapes[1] @ z[2:]
+        assert np.max(np.abs(q - wanted[0])) < tolerance * np.max(np.abs(wanted[0]))
+        assert np.max(np.abs(v - wanted[1])) < tolerance * np.max(size) * 2e-3
+        assert np.all(np.diag(off) > 0)
+        decay = prepared([Transient("rec", response, None)], made, modal, np.full(2, 1e-3), N, 1, 6)
+        assert np.asarray(decay.data.kick)[0].argmax() == 0
+        np.testing.assert_array_equal(np.asarray(decay.data.push)[0, 0, -1, :4], z)
 
 
 def predicted(made, hypothesis=None, theta=None, cycles=math.inf):
@@ -329,7 +357,7 @@ def test_odd_pulses_are_warned_of():
     short[50:53] = [[20.0], [40.0], [20.0]]
     for force, word in ((clipped, "clipped"), (short, "3 samples"), (pulse(), "")):
         recording = Transient("rec", RNG.standard_normal((N, 2)), force)
-        warnings = prepared([recording], made, modal, np.full(2, np.nan), N, 1).warnings
+        warnings = prepared([recording], made, modal, np.full(2, np.nan), N, 1, 6).warnings
         assert (word in warnings[0]) if word else not warnings
 
 

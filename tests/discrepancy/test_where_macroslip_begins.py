@@ -77,7 +77,7 @@ def fitted(peak: float, F_S: float):
         2,
     )
     recording = Transient("rec", response, force[::16, None])
-    seen = prepared([recording], made, modal, noise, N, 1)
+    seen = prepared([recording], made, modal, noise, N, 1, 6)
     search = Search(made, (Joint(given, jnp.ones(4)),), seen.data, noise, (0,))
     start = Start(search.nothing(), np.zeros(6))
     short = fit_all(search, [start], 8.0, 20)[0]
