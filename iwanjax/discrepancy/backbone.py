@@ -15,7 +15,7 @@ from iwanjax.discrepancy.cycle import beside, shows
 from iwanjax.discrepancy.one_joint import (
     Named,
     best_of,
-    linearised,
+    deviations_of,
     over_shapes,
     to_size,
     to_variable,
@@ -153,19 +153,12 @@ class CurveFit:
 
     def deviations(self) -> tuple[float, float]:
         """Of the force's size and of the logarithm of its shape, linearised; NaN without one."""
-        if self.force is None:
-            return math.nan, math.nan
-        slopes = np.asarray(_slopes(self.problem, jnp.asarray(self.theta)))
-        if self.force.kind.shape is not None:
-            step = 1e-2
-            near = [
-                np.concatenate(replaced_shape(self, math.exp(sign * step)).residuals()).T.ravel()
-                for sign in (1.0, -1.0)
-            ]
-            slopes = np.column_stack([slopes, (near[0] - near[1]) / (2.0 * step)])
-        std = linearised(slopes, self.cost)
-        own = len(self.problem.base.names)
-        return float(std[own]), float(std[own + 1]) if len(std) > own + 1 else math.nan
+        return deviations_of(
+            self.force,
+            lambda: np.asarray(_slopes(self.problem, jnp.asarray(self.theta))),
+            lambda factor: np.concatenate(replaced_shape(self, factor).residuals()).T.ravel(),
+            self.cost,
+        )
 
 
 def replaced_shape(fit: CurveFit, factor: float) -> CurveFit:

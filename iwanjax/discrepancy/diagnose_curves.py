@@ -12,7 +12,7 @@ from iwanjax.discrepancy.backbone import CurveFit, fit_alone, fit_beside
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.observables import Observable
-from iwanjax.discrepancy.one_joint import Standing, concluded
+from iwanjax.discrepancy.one_joint import Standing, concluded, tried
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.discrepancy.verdict import Diagnosis
@@ -107,16 +107,12 @@ def diagnose_curves(
     alone = fit_alone(base, draws)
     if not math.isfinite(alone.cost):
         raise InputError(f"diagnose_curves: {name}: no start gave finite residuals")
-    found, unseen, complete = [], [], True
-    for force in forces:
-        complete = complete and time.perf_counter() - started < budget
-        if complete:
-            progress(f"{name}: with {force.name}")
-            fit = fit_beside(alone, force, draws, random)
-            if fit is None:
-                unseen.append(force.name)
-            elif math.isfinite(fit.cost):
-                found.append(fit)
+    found, unseen, complete = tried(
+        forces,
+        lambda force: fit_beside(alone, force, draws, random),
+        lambda: time.perf_counter() - started < budget,
+        lambda line: progress(f"{name}: {line}"),
+    )
     # Beside what can be there: a law of the joint's that is of another shape.
     active = [fit for fit in found if fit.gives_energy]
     standing = Standing.of(alone, [fit for fit in found if fit not in active])
@@ -197,6 +193,6 @@ def _unseen(name: str, unseen: Sequence[str]) -> list[str]:
     if not unseen:
         return []
     return [
-        f"Curves of one mode cannot show {', '.join(dict.fromkeys(unseen))}: {name} has them "
+        f"Curves of one mode cannot show {', '.join(unseen)}: {name} has them "
         "in its f_0 and zeta_0, or they have no first harmonic"
     ]

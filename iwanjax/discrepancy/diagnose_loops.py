@@ -9,7 +9,7 @@ import numpy as np
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.loop_run import LoopRun
 from iwanjax.discrepancy.loops import Driven, LoopFit, driven, loops_alone, loops_beside, noise_of
-from iwanjax.discrepancy.one_joint import Standing, concluded
+from iwanjax.discrepancy.one_joint import Standing, concluded, tried
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.errors import InputError
@@ -104,16 +104,12 @@ def diagnose_loops(
     alone = found_by[at_rest]
     if not math.isfinite(alone.cost):
         raise InputError(f"diagnose_loops: {name}: no start gave finite forces")
-    found, unseen, complete = [], [], True
-    for force in forces:
-        complete = complete and time.perf_counter() - started < budget
-        if complete:
-            progress(f"{name}: with {force.name}")
-            fit = loops_beside(alone, force, draws, random)
-            if fit is None:
-                unseen.append(force.name)
-            elif math.isfinite(fit.cost):
-                found.append(fit)
+    found, unseen, complete = tried(
+        forces,
+        lambda force: loops_beside(alone, force, draws, random),
+        lambda: time.perf_counter() - started < budget,
+        lambda line: progress(f"{name}: {line}"),
+    )
     standing = Standing.of(alone, found)
     whole = driven(together, deviations, len(several), at_rest, math.inf)
     runs = tuple(
@@ -157,7 +153,4 @@ def _unseen(name: str, unseen: Sequence[str]) -> list[str]:
     """What loops say nothing of."""
     if not unseen:
         return []
-    return [
-        f"Loops without time cannot show {', '.join(dict.fromkeys(unseen))} at {name}, which "
-        "depend on rate"
-    ]
+    return [f"Loops without time cannot show {', '.join(unseen)} at {name}, which depend on rate"]

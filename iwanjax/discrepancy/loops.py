@@ -15,7 +15,7 @@ from iwanjax.discrepancy.catalogue import ForceKind, Motion, Scales
 from iwanjax.discrepancy.one_joint import (
     Named,
     best_of,
-    linearised,
+    deviations_of,
     over_shapes,
     to_size,
     to_variable,
@@ -188,25 +188,18 @@ class LoopFit:
 
     def deviations(self) -> tuple[float, float]:
         """Of the force's size and of the logarithm of its shape, linearised; NaN without one."""
-        if self.force is None:
-            return math.nan, math.nan
         theta = jnp.asarray(self.theta)
-        slopes = np.asarray(_slopes(self.problem, theta))
-        if self.force.kind.shape is not None:
-            step = 1e-2
-            up, down = (
-                np.asarray(_residuals(_with(self.problem, self._reshaped(math.exp(x))), theta))
-                for x in (step, -step)
-            )
-            slopes = np.column_stack([slopes, (up - down) / (2.0 * step)])
-        std = linearised(slopes, self.cost)
-        own = len(self.problem.names) - 1
-        return float(std[own]), float(std[own + 1]) if len(std) > own + 1 else math.nan
+        return deviations_of(
+            self.force,
+            lambda: np.asarray(_slopes(self.problem, theta)),
+            lambda factor: np.asarray(_residuals(self._reshaped(factor), theta)),
+            self.cost,
+        )
 
-    def _reshaped(self, factor: float) -> Array:
+    def _reshaped(self, factor: float) -> JointAndForce:
         assert self.force is not None
-        kind, shape = self.force
-        return unit_of(kind, shape * factor, self.problem.loops.d)
+        unit = unit_of(self.force.kind, self.force.shape * factor, self.problem.loops.d)
+        return eqx.tree_at(lambda p: p.unit, self.problem, unit)
 
 
 def unit_of(kind: ForceKind, shape: float, d: Float[Array, "loops N"]) -> Float[Array, "loops N"]:
@@ -287,10 +280,6 @@ def _searched(force: Named | None, problem: JointAndForce, starts: np.ndarray) -
         ends.append((float(found.cost[i]), np.asarray(found.theta[i])))
     cost, theta = min(ends, key=lambda each: each[0])
     return LoopFit(force, problem, theta, cost)
-
-
-def _with(problem: JointAndForce, unit: Array) -> JointAndForce:
-    return eqx.tree_at(lambda p: p.unit, problem, unit)
 
 
 @eqx.filter_jit

@@ -23,6 +23,8 @@ _UNEXPLAINED = 1.25
 # Shapes tried, how far they go beyond those of the catalogue, how often the best is bracketed, and
 # how often a parabola then says where the best of all is.
 _SHAPES, _BEYOND, _BRACKETS, _PARABOLAS = 8, 4.0, 2, 2
+# Change of a shape's logarithm by which a residual's derivative is told.
+_RESHAPED = 1e-2
 
 
 class Named(NamedTuple):
@@ -93,6 +95,75 @@ def linearised(slopes: np.ndarray, cost: float) -> np.ndarray:
     misfit = cost / max(1, len(slopes) - int(used.sum()))
     std[used] = np.linalg.norm(inverse, axis=1) / sizes[used] * math.sqrt(max(1.0, misfit))
     return std
+
+
+def deviations_of(
+    force: Named | None,
+    slopes: Callable[[], np.ndarray],
+    reshaped: Callable[[float], np.ndarray],
+    cost: float,
+) -> tuple[float, float]:
+    """Of a force's size and of the logarithm of its shape; NaN without one.
+
+    Parameters
+    ----------
+    force : Named or None
+        With its shape.
+    slopes : function
+        Of the residuals in all parameters, the last of which is the size.
+    reshaped : function
+        Residuals with the shape so many times as large.
+    cost : float
+        Sum of the residuals' squares.
+    """
+    if force is None:
+        return math.nan, math.nan
+    found = slopes()
+    size = found.shape[1] - 1
+    if force.kind.shape is None:
+        return float(linearised(found, cost)[size]), math.nan
+    up, down = (reshaped(math.exp(step)) for step in (_RESHAPED, -_RESHAPED))
+    std = linearised(np.column_stack([found, (up - down) / (2.0 * _RESHAPED)]), cost)
+    return float(std[size]), float(std[size + 1])
+
+
+class Tried(NamedTuple, Generic[Fit]):
+    """Forces beside a joint.
+
+    Attributes
+    ----------
+    found : list of Fit
+        Of those that can be fitted.
+    unseen : list of str
+        Kinds that the measurements cannot show.
+    complete : bool
+        Whether there was time for all.
+    """
+
+    found: list[Fit]
+    unseen: list[str]
+    complete: bool
+
+
+def tried(
+    forces: Sequence[ForceKind],
+    beside: Callable[[ForceKind], Fit | None],
+    in_time: Callable[[], bool],
+    progress: Callable[[str], None],
+) -> Tried[Fit]:
+    """Each force beside the joint, as far as there is time."""
+    found: list[Fit] = []
+    unseen: list[str] = []
+    for force in forces:
+        if not in_time():
+            return Tried(found, unseen, False)
+        progress(f"with {force.name}")
+        fit = beside(force)
+        if fit is None:
+            unseen.append(force.name)
+        elif math.isfinite(fit.cost):
+            found.append(fit)
+    return Tried(found, list(dict.fromkeys(unseen)), True)
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:
