@@ -34,7 +34,10 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
             for (name, verdict), end in zip(verdicts.items(), ends, strict=True)
         ]
         write_json(folder / "diagnosis.json", told(study.name, verdicts))
-        lead = [verdict.statement() for verdict in verdicts.values()]
+        lead = [
+            f"{name}: {verdict.statement()}" if len(verdicts) > 1 else verdict.statement()
+            for name, verdict in verdicts.items()
+        ]
         page = render(study.name, lead, sections, f"Written by iwanjax {version()}.")
         (folder / "report.html").write_text(page, encoding="utf-8")
     return [*lead, f"wrote {out / 'report.html'}"]
