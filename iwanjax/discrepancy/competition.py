@@ -186,7 +186,7 @@ def _concluded(
 ) -> Table:
     """The last few polished to the free run, and where all ended."""
     hopeful = bool(entries) and missing(base, entries[0])
-    base, close = _polished(base, finalists(base, entries) if hopeful else [], grounds)
+    base, close = _polished(base, finalists(base, entries) if hopeful else [], entries, grounds)
     known = {e.fitted.hypothesis.variant for e in close}
     rest = [e for e in entries if e.fitted.hypothesis.variant not in known]
     # What a longer memory does not bear out was an error of the model's own.
@@ -202,7 +202,9 @@ def _behind_all(first: Sequence[Entry], rest: Sequence[Entry]) -> list[Entry]:
     return [replace(e, behind=min(e.behind, floor)) for e in rest]
 
 
-def _polished(base: Entry, close: list[Entry], grounds: Grounds) -> tuple[Entry, list[Entry]]:
+def _polished(
+    base: Entry, close: list[Entry], entries: Sequence[Entry], grounds: Grounds
+) -> tuple[Entry, list[Entry]]:
     """The nominal model and the last few suspects, or what appears only then, in the free run."""
     grounds.progress("polishing to the free run")
     for cycles in _LONG:
@@ -211,7 +213,7 @@ def _polished(base: Entry, close: list[Entry], grounds: Grounds) -> tuple[Entry,
         base = next(e for e in polished if not e.fitted.hypothesis.kinds)
         close = [e for e in polished if e.fitted.hypothesis.kinds]
         if not close:
-            late = distinct([*close, *appearing(base.search, before, base.fitted, grounds)])
+            late = distinct(appearing(base.search, before, base.fitted, entries, grounds))
             base, late = ranked(base, late)
             close = finalists(base, late) if late and missing(base, late[0]) else []
     base, close = ranked(base, close)

@@ -1,5 +1,7 @@
 """What only a long memory of the observer shows: effects that build up slowly."""
 
+from collections.abc import Sequence
+
 from iwanjax.discrepancy.evidence import evidence, left_by_noise
 from iwanjax.discrepancy.fitting import Fitted, fit_all
 from iwanjax.discrepancy.joint_faults import limited, stuck
@@ -18,11 +20,17 @@ from iwanjax.discrepancy.search import Search
 # Times what a shorter memory left from which on something new is looked for, and the share of
 # what is new that a suspect has to take: a free run adds up the model's own errors, too.
 _GROWN, _SHARE = 1.25, 0.5
-# Suspects that are refitted.
-_REFITTED = 4
+# Suspects that are refitted: the best so far, and the most promising now.
+_KNOWN, _REFITTED = 2, 4
 
 
-def appearing(search: Search, before: Fitted, now: Fitted, grounds: Grounds) -> list[Entry]:
+def appearing(
+    search: Search,
+    before: Fitted,
+    now: Fitted,
+    entries: Sequence[Entry],
+    grounds: Grounds,
+) -> list[Entry]:
     """Suspects in what a model leaves with a longer memory and did not leave with a shorter one.
 
     An observer takes what differs from hit to hit, or the phase that a weak force shifts over
@@ -35,6 +43,8 @@ def appearing(search: Search, before: Fitted, now: Fitted, grounds: Grounds) -> 
         Predictor and data.
     before, now : Fitted
         The model with its joints refitted, with a shorter and a longer memory.
+    entries : sequence of Entry
+        Suspects for which a shorter memory showed too little evidence, the best first.
     grounds : Grounds
         What may be suspected.
 
@@ -49,6 +59,9 @@ def appearing(search: Search, before: Fitted, now: Fitted, grounds: Grounds) -> 
     grounds.progress("looking again with a longer memory")
     least = LEAST_PROMISE / evidence(search, [now]).worth(now)
     starts = [c.start for c in screened(search, now, grounds)[:_REFITTED] if c.drop > least]
+    known = [e.fitted.start for e in entries if e.search is search][:_KNOWN]
+    variants = [start.hypothesis.variant for start in known]
+    starts = [*known, *(s for s in starts if s.hypothesis.variant not in variants)]
     fits = fit_all(search, starts, now.cycles, STEPS, race=RACE, in_time=grounds.in_time)
     enough = now.cost - _SHARE * (now.cost - usual)
     sticking = stuck(search, now, limited(search, now, now.cost, now.cycles), grounds, now.cycles)

@@ -11,10 +11,15 @@ NOISE = 1000.0
 def looked(monkeypatch):
     """What is refitted when a model leaves so much, the suspects that much."""
 
-    def run(before: float, now: float, drops: list[float], suspects: list[float]) -> list[float]:
+    def start(i: int) -> SimpleNamespace:
+        return SimpleNamespace(index=i, hypothesis=SimpleNamespace(variant=i))
+
+    def run(
+        before: float, now: float, drops: list[float], suspects: list[float], known: int = 0
+    ) -> list[float]:
         told = []
         grounds = SimpleNamespace(in_time=lambda: True, progress=told.append)
-        candidates = [SimpleNamespace(start=i, drop=drop) for i, drop in enumerate(drops)]
+        candidates = [SimpleNamespace(start=start(i), drop=drop) for i, drop in enumerate(drops)]
         monkeypatch.setattr(long_memory, "left_by_noise", lambda search: NOISE)
         monkeypatch.setattr(long_memory, "screened", lambda *args: candidates)
         monkeypatch.setattr(
@@ -26,16 +31,22 @@ def looked(monkeypatch):
             long_memory,
             "fit_all",
             lambda search, starts, *args, **rest: [
-                SimpleNamespace(cost=suspects[i]) for i in starts
+                SimpleNamespace(cost=suspects[each.index]) for each in starts
             ],
         )
         monkeypatch.setattr(long_memory, "limited", lambda *args: None)
         monkeypatch.setattr(long_memory, "stuck", lambda *args: [])
         monkeypatch.setattr(long_memory, "placed", lambda entries: entries)
+        search = SimpleNamespace()
+        entries = [
+            SimpleNamespace(search=search, fitted=SimpleNamespace(start=start(i)))
+            for i in range(len(suspects) - known, len(suspects))
+        ]
         found = long_memory.appearing(
-            SimpleNamespace(),
+            search,
             SimpleNamespace(cost=before),
             SimpleNamespace(cost=now, cycles=40.0),
+            entries,
             grounds,
         )
         assert bool(told) == (now >= 1.25 * max(before, NOISE))
@@ -55,3 +66,9 @@ def test_suspects_have_to_take_half_of_what_is_new(looked):
 
 def test_only_what_promises_evidence_is_refitted(looked):
     assert looked(1000.0, 2000.0, [0.5, 0.002], [1000.0, 1000.0]) == [1000.0]
+
+
+def test_the_best_so_far_are_refitted_whatever_is_promising_now(looked):
+    assert looked(1000.0, 2000.0, [0.5], [1100.0, 1050.0], known=1) == [1050.0, 1100.0]
+    # A suspect that is both is refitted once.
+    assert looked(1000.0, 2000.0, [0.5], [1100.0], known=1) == [1100.0]
