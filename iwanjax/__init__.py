@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     )
     from iwanjax.discrepancy.diagnose_curves import diagnose_curves
     from iwanjax.discrepancy.diagnose_loops import diagnose_loops
+    from iwanjax.discrepancy.diagnose_modes import diagnose_modes
     from iwanjax.dynamics import (
         Energies,
         HarmonicResponse,
@@ -146,6 +147,7 @@ _LATER = {
     "diagnose": "iwanjax.discrepancy",
     "diagnose_curves": "iwanjax.discrepancy.diagnose_curves",
     "diagnose_loops": "iwanjax.discrepancy.diagnose_loops",
+    "diagnose_modes": "iwanjax.discrepancy.diagnose_modes",
     "compare_modes": "iwanjax.discrepancy",
     "Energies": "iwanjax.dynamics",
     "HarmonicResponse": "iwanjax.dynamics",
@@ -284,6 +286,7 @@ __all__ = [
     "diagnose",
     "diagnose_curves",
     "diagnose_loops",
+    "diagnose_modes",
     "fit",
     "frame",
     "free_exponents",

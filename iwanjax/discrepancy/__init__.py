@@ -1,6 +1,7 @@
 """Discrepancy: where models and recordings differ, and why.
 
-:func:`~iwanjax.discrepancy.diagnose_curves.diagnose_curves` and
+:func:`~iwanjax.discrepancy.diagnose_curves.diagnose_curves`,
+:func:`~iwanjax.discrepancy.diagnose_modes.diagnose_modes` and
 :func:`~iwanjax.discrepancy.diagnose_loops.diagnose_loops` stay in their modules: they load the
 optimisers, which pictures of a diagnosis do not need.
 """
@@ -12,7 +13,7 @@ from iwanjax.discrepancy.catalogue import (
     SensorKind,
     register_kind,
 )
-from iwanjax.discrepancy.curve_run import CurveRun
+from iwanjax.discrepancy.curve_run import CurveRun, ModesRun
 from iwanjax.discrepancy.diagnose import diagnose
 from iwanjax.discrepancy.loop_run import LoopRun
 from iwanjax.discrepancy.measured import Transient
@@ -27,6 +28,7 @@ __all__ = [
     "JointKind",
     "LoopRun",
     "ModeComparison",
+    "ModesRun",
     "SensorKind",
     "Suspect",
     "Transient",

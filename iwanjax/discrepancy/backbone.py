@@ -135,7 +135,7 @@ class CurveFit:
         q = curves.as_quantity("displacement").amplitude
         unit = _nothing(len(q))
         if self.force is not None:
-            unit = beside(*self.force, np.asarray(about(q)), self.omega)
+            unit = beside(self.force.kind, self.force.shape, np.asarray(about(q)), self.omega)
         f, zeta = self.problem.at(jnp.asarray(self.theta), q, unit)
         return ModalCurves(
             curves.amplitude, f, zeta, quantity=curves.quantity, unit=curves.unit, name=curves.name
@@ -166,7 +166,7 @@ def replaced_shape(fit: CurveFit, factor: float) -> CurveFit:
     assert fit.force is not None
     force = fit.force._replace(shape=fit.force.shape * factor)
     q = np.asarray(about(fit.problem.measured.q))
-    unit = beside(*force, q, fit.omega)
+    unit = beside(force.kind, force.shape, q, fit.omega)
     problem = eqx.tree_at(lambda p: p.unit, fit.problem, unit)
     return CurveFit(force, problem, fit.theta, fit.cost)
 

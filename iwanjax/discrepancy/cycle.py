@@ -13,12 +13,14 @@ from iwanjax.quasistatic.modal import Beside
 
 # Steps of a cycle; the first cycle lets sliders and dashpots settle.
 _STEPS, _CYCLES = 256, 2
+# Of a sum over a cycle, over its largest term.
+_ROUNDING = 1e-10
 # Change over all amplitudes, relative to the largest value, below which a mode's own frequency
 # and damping at rest take all of it up.
 _CONSTANT = 1e-6
 
 
-def beside(kind: ForceKind, shape: float, q: np.ndarray, omega: float) -> Beside:
+def beside(kind: ForceKind, shape: float, q: np.ndarray, omega: float | np.ndarray) -> Beside:
     r"""A force of unit size under :math:`d = q\sin\omega t`, for a mode's curves.
 
     .. math:: k_1 = \frac{1}{\pi q}\oint F\sin\omega t\,\mathrm{d}(\omega t), \qquad
@@ -34,9 +36,9 @@ def beside(kind: ForceKind, shape: float, q: np.ndarray, omega: float) -> Beside
         The force.
     shape : float
         Its shape parameter, where it has one.
-    q : (3, levels) array
+    q : (3, ..., levels) array
         Amplitudes a little below, at and a little above those wanted.
-    omega : float
+    omega : float or (..., 1) array
         Circular frequency, rad/s.
 
     Returns
@@ -62,11 +64,21 @@ def _beside(kind: ForceKind, shape: Array, q: Array, omega: Array) -> Beside:
     rows = (jnp.asarray(sine), jnp.asarray(cosine), jnp.asarray(np.append(0.0, sine[:-1])))
     _, force = jax.lax.scan(step, jnp.zeros(q.shape), rows)
     last = force[-_STEPS:]
-    tip = last[_STEPS // 4 - 1]
+    # At both ends of the cycle: a one-sided force has another slope at either.
+    tip = 0.5 * (last[_STEPS // 4 - 1] - last[3 * _STEPS // 4 - 1])
+    # What cancels over a cycle is nothing, not the rounding that is left of it.
+    peak = jnp.max(jnp.abs(last), axis=0)
+
+    def told(x: Array, largest: Array) -> Array:
+        return jnp.where(jnp.abs(x) > _ROUNDING * largest, x, 0.0)
+
     return Beside(
-        2.0 * jnp.einsum("s...,s->...", last, sine[-_STEPS:]) / (_STEPS * q),
-        (tip[2] - tip[0]) / (q[2] - q[0]),
-        2.0 * math.pi * q[1] * jnp.einsum("s...,s->...", last[:, 1], cosine[-_STEPS:]) / _STEPS,
+        told(2.0 * jnp.einsum("s...,s->...", last, sine[-_STEPS:]) / (_STEPS * q), peak / q),
+        told((tip[2] - tip[0]) / (q[2] - q[0]), peak[1] / q[1]),
+        told(
+            2.0 * math.pi * q[1] * jnp.einsum("s...,s->...", last[:, 1], cosine[-_STEPS:]) / _STEPS,
+            peak[1] * q[1],
+        ),
     )
 
 

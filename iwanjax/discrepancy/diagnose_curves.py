@@ -11,8 +11,8 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.backbone import CurveFit, fit_alone, fit_beside
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.curve_run import CurveRun
-from iwanjax.discrepancy.observables import Observable
-from iwanjax.discrepancy.one_joint import Standing, concluded, tried
+from iwanjax.discrepancy.observables import clear_differences
+from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of, tried
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.discrepancy.verdict import Diagnosis
@@ -22,9 +22,6 @@ from iwanjax.types import require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.parameters import Parameter, drawn, replaced
 from iwanjax.updating.problem import modal_unit
-
-# Deviations from which on a level's difference is clear, and share of the levels that have to be.
-_CLEAR, _ENOUGH = 3.0, 0.05
 
 
 def diagnose_curves(
@@ -123,7 +120,7 @@ def diagnose_curves(
         (before, after),
         len(several),
         lambda fit: _estimates(fit, several[0]),
-        observables=_observables(before, mode),
+        observables=clear_differences(before, mode),
         warnings=(*_active(active, standing.chosen), *_unseen(name, unseen)),
         complete=complete,
         seconds=time.perf_counter() - started,
@@ -132,46 +129,17 @@ def diagnose_curves(
 
 def _run(fit: CurveFit, several: Sequence[ModalCurves], others: Sequence[ModalCurves]) -> CurveRun:
     measured = (*several, *others)
-    f, zeta = (
-        np.concatenate([np.asarray(getattr(each, name)) for each in several])
-        for name in ("frequency", "damping")
-    )
-    rest = float(f.max())
-    scales = (float(np.sqrt(np.mean((f - rest) ** 2))), float(np.sqrt(np.mean(zeta**2))))
-    predicted = tuple(fit.predicted(each) for each in measured)
-    return CurveRun(measured, predicted, len(several), rest, scales)
+    return CurveRun.of(measured, tuple(map(fit.predicted, measured)), len(several))
 
 
 def _estimates(fit: CurveFit, curves: ModalCurves) -> tuple[Estimate, ...]:
     """Size and shape of the force, per unit modal mass."""
-    assert fit.force is not None
-    kind, shape = fit.force
-    std, std_shape = fit.deviations()
 
-    def told(info, value: float, deviation: float) -> Estimate:
-        unit = replace(info, dimension=modal_unit(info.dimension, curves))
-        return Estimate(unit, value, deviation)
+    def told(each: Estimate) -> Estimate:
+        unit = modal_unit(each.info.dimension, curves)
+        return each._replace(info=replace(each.info, dimension=unit))
 
-    size = told(kind.size, float(fit.theta[-1]), std)
-    if kind.shape is None:
-        return (size,)
-    return size, told(kind.shape, shape, shape * std_shape)
-
-
-def _observables(run: CurveRun, mode: int) -> tuple[Observable, ...]:
-    """Where the model is clearly off, the largest difference first."""
-    found = []
-    for name, model, seen in zip(run.names, run.predicted, run.measured, strict=True):
-        x = np.asarray(seen.amplitude)
-        for quantity in ("frequency", "damping"):
-            y, std = (np.asarray(getattr(seen, quantity + end)) for end in ("", "_std"))
-            off = np.asarray(getattr(model, quantity)) - y
-            clear = np.abs(off) > _CLEAR * std
-            if clear.mean() > _ENOUGH:
-                span = (float(x[clear].min()), float(x[clear].max()))
-                percent = 100.0 * float(np.median(off[clear] / y[clear]))
-                found.append(Observable(name, mode, quantity, span, percent))
-    return tuple(sorted(found, key=lambda each: -abs(each.difference_percent)))
+    return tuple(map(told, estimates_of(fit)))
 
 
 def _active(active: Sequence[CurveFit], chosen: CurveFit) -> list[str]:

@@ -9,8 +9,7 @@ import numpy as np
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.loop_run import LoopRun
 from iwanjax.discrepancy.loops import Driven, LoopFit, driven, loops_alone, loops_beside, noise_of
-from iwanjax.discrepancy.one_joint import Standing, concluded, tried
-from iwanjax.discrepancy.suspicion import Estimate
+from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of, tried
 from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
@@ -121,7 +120,7 @@ def diagnose_loops(
         name,
         (runs[0], runs[1]),
         len(several),
-        _estimates,
+        estimates_of,
         observables=(),
         warnings=_unseen(name, unseen),
         complete=complete,
@@ -136,17 +135,6 @@ def _along(fit: LoopFit, whole: Driven, loops: Sequence[ForceLoop]) -> tuple[np.
         force = row[2 : loop.d.size + 2]
         found.append(force + np.mean(loop.force - force))
     return tuple(found)
-
-
-def _estimates(fit: LoopFit) -> tuple[Estimate, ...]:
-    """Size and shape of the force."""
-    assert fit.force is not None
-    kind, shape = fit.force
-    std, std_shape = fit.deviations()
-    size = Estimate(kind.size, float(fit.theta[-1]), std)
-    if kind.shape is None:
-        return (size,)
-    return size, Estimate(kind.shape, shape, shape * std_shape)
 
 
 def _unseen(name: str, unseen: Sequence[str]) -> list[str]:

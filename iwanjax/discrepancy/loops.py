@@ -174,7 +174,11 @@ class LoopFit:
 
     def forces(self, loops: Driven) -> np.ndarray:
         """Predicted, without offsets, (loops, N)."""
-        unit = 0.0 * loops.d if self.force is None else unit_of(*self.force, loops.d)
+        unit = (
+            0.0 * loops.d
+            if self.force is None
+            else unit_of(self.force.kind, self.force.shape, loops.d)
+        )
         along = eqx.tree_at(lambda p: (p.loops, p.unit), self.problem, (loops, unit))
         return np.asarray(_predicted(along, jnp.asarray(self.theta)))
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.curves import ModalCurves
+from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.held_out import Free
 from iwanjax.discrepancy.search import Search
 from iwanjax.errors import InputError
@@ -16,6 +17,8 @@ from iwanjax.signals import ringdown_curves
 _HALF, _SHARE = 0.2, 0.4
 # Deviations beyond which a difference is one, and levels it is taken at.
 _CLEAR, _LEVELS = 3.0, 9
+# Of curves, level by level: share of the levels that have to differ so clearly.
+_ENOUGH = 0.05
 # The highest mode that is looked at, over the sampling rate.
 _HIGHEST = 0.3
 
@@ -112,3 +115,19 @@ def _differences(
             percent = 100.0 * float(np.median(off / values[0]))
             found.append(Observable(name, mode, quantity, (float(low), float(high)), percent))
     return found
+
+
+def clear_differences(run: CurveRun, mode: int) -> tuple[Observable, ...]:
+    """Where a model is clearly off the curves of a mode, the largest difference first."""
+    found = []
+    for name, model, seen in zip(run.names, run.predicted, run.measured, strict=True):
+        x = np.asarray(seen.amplitude)
+        for quantity in ("frequency", "damping"):
+            y, std = (np.asarray(getattr(seen, quantity + end)) for end in ("", "_std"))
+            off = np.asarray(getattr(model, quantity)) - y
+            clear = np.abs(off) > _CLEAR * std
+            if clear.mean() > _ENOUGH:
+                span = (float(x[clear].min()), float(x[clear].max()))
+                percent = 100.0 * float(np.median(off[clear] / y[clear]))
+                found.append(Observable(name, mode, quantity, span, percent))
+    return tuple(sorted(found, key=lambda each: -abs(each.difference_percent)))

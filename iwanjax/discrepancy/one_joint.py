@@ -14,7 +14,7 @@ from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.ranking import LEAST_GAIN
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import Estimate
-from iwanjax.discrepancy.verdict import Diagnosis, Errors, Run, Suspect, alike
+from iwanjax.discrepancy.verdict import Diagnosis, Errors, Run, Score, Suspect, alike
 
 # Evidences closer than this cannot be told apart.
 _ALIKE = 3.0
@@ -25,13 +25,16 @@ _UNEXPLAINED = 1.25
 _SHAPES, _BEYOND, _BRACKETS, _PARABOLAS = 8, 4.0, 2, 2
 # Change of a shape's logarithm by which a residual's derivative is told.
 _RESHAPED = 1e-2
+# Ratio of neighbouring shapes where one is nearly known.
+_NEAR = 1.3
 
 
 class Named(NamedTuple):
-    """A force with its shape, if any."""
+    """A force with its shape, if any, and the place of a structure where it acts."""
 
     kind: ForceKind
     shape: float
+    where: str = ""
 
 
 class Explained(Protocol):
@@ -43,8 +46,17 @@ class Explained(Protocol):
         ...
 
     @property
+    def theta(self) -> np.ndarray:
+        """All parameters, the size of the force last."""
+        ...
+
+    @property
     def cost(self) -> float:
         """Sum of squared residuals over their deviations."""
+        ...
+
+    def deviations(self) -> tuple[float, float]:
+        """Of the force's size and of the logarithm of its shape."""
         ...
 
     @property
@@ -127,6 +139,17 @@ def deviations_of(
     return float(std[size]), float(std[size + 1])
 
 
+def estimates_of(fit: Explained) -> tuple[Estimate, ...]:
+    """Size and shape of a fit's force, with their deviations."""
+    assert fit.force is not None
+    kind, shape, _ = fit.force
+    std, std_shape = fit.deviations()
+    size = Estimate(kind.size, float(fit.theta[-1]), std)
+    if kind.shape is None:
+        return (size,)
+    return size, Estimate(kind.shape, shape, shape * std_shape)
+
+
 class Tried(NamedTuple, Generic[Fit]):
     """Forces beside a joint.
 
@@ -190,10 +213,23 @@ def over_shapes(begin: Sequence[float], at: Callable[[float], Fit | None]) -> li
         factor = (last / first) ** (0.5 ** (i + 1) / (_SHAPES - 1))
         near = (at(best.shape * factor), at(best.shape / factor))
         found += [each for each in near if each is not None]
+    return _lowest(found, at)
+
+
+def shapes_near(fit: Fit, at: Callable[[float], Fit | None]) -> list[Fit]:
+    """A fit and others with shapes near to its own."""
+    assert fit.force is not None
+    shape = fit.force.shape
+    near = (at(shape * _NEAR), at(shape / _NEAR))
+    return _lowest([fit, *(each for each in near if each is not None)], at)
+
+
+def _lowest(found: list[Fit], at: Callable[[float], Fit | None]) -> list[Fit]:
+    """Fits, and those with the shapes that parabolas through them tell."""
     for _ in range(_PARABOLAS):
         shape = _vertex(found)
         nearer = at(shape) if shape is not None else None
-        found += [nearer] if nearer is not None else []
+        found = [*found, *([nearer] if nearer is not None else [])]
     return found
 
 
@@ -233,13 +269,13 @@ class Standing(NamedTuple, Generic[Fit]):
 
     @classmethod
     def of(cls, alone: Fit, found: Sequence[Fit]) -> "Standing[Fit]":
-        """By evidence, the best of every kind only."""
-        kinds: dict[str, Fit] = {}
+        """By evidence, the best of every kind at a place only."""
+        best: dict[tuple[str, str], Fit] = {}
         for fit in found:
             assert fit.force is not None
-            name = fit.force.kind.name
-            kinds[name] = best_of([kinds.get(name, fit), fit])
-        fits = [alone, *kinds.values()]
+            what = (fit.force.kind.name, fit.force.where)
+            best[what] = best_of([best.get(what, fit), fit])
+        fits = [alone, *best.values()]
         first = best_of(fits)
         # No measurement is trusted to be better known than its deviations say.
         temperature, tau = max(1.0, first.cost / alone.count), first.correlation()
@@ -247,7 +283,8 @@ class Standing(NamedTuple, Generic[Fit]):
         values = log_evidence(costs, unknowns, alone.count, temperature, tau)
         values[0] += INDULGENCE * alone.cost / (2.0 * temperature * tau)
         entries = [Entry(fit, float(value)) for fit, value in zip(fits, values, strict=True)]
-        return cls(alone, tuple(sorted(entries, key=lambda each: -each.value)))
+        # Of those that are alike to rounding the one that was tried first, the simplest, leads.
+        return cls(alone, tuple(sorted(entries, key=lambda each: -round(each.value, 1))))
 
     @property
     def detected(self) -> bool:
@@ -273,9 +310,10 @@ class Standing(NamedTuple, Generic[Fit]):
         odds = self.probabilities()
         for each in self.entries:
             if each.fit.force is not None:
-                kind, behind = each.fit.force.kind, each.value - self.entries[0].value
+                force, behind = each.fit.force, each.value - self.entries[0].value
                 share = known * odds[id(each.fit)]
-                yield Suspect(kind, where, share, behind, estimates(each.fit))
+                place = force.where or where
+                yield Suspect(force.kind, place, share, behind, estimates(each.fit))
 
 
 def concluded(
@@ -286,6 +324,7 @@ def concluded(
     estimates: Callable[[Fit], tuple[Estimate, ...]],
     *,
     observables: tuple[Observable, ...],
+    scores: tuple[Score, ...] = (),
     warnings: Sequence[str],
     complete: bool,
     seconds: float,
@@ -297,7 +336,7 @@ def concluded(
     standing : Standing
         Fits by evidence.
     where : str
-        What the verdict calls the joint.
+        What the verdict calls the joint, where forces have no place of their own.
     runs : (Run, Run)
         Predictions before and after, the recordings that were fitted first.
     fitted : int
@@ -306,6 +345,8 @@ def concluded(
         Size and shape of a fit's force.
     observables : tuple of Observable
         Where the model before is clearly off.
+    scores : tuple of Score
+        What forces would explain at a glance, where that was looked at.
     warnings : sequence of str
         What is odd beside the errors themselves.
     complete : bool
@@ -330,7 +371,7 @@ def concluded(
         parameter_spread=Errors(math.nan, math.nan),
         indistinguishable=alike(what, _ALIKE) if what else (),
         observables=observables if detected else (),
-        scores=(),
+        scores=scores,
         runs=runs,
         sampling_rate=math.nan,
         restoring=None,

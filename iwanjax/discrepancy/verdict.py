@@ -114,8 +114,8 @@ class Diagnosis:
         Where frequency and damping of the model before differ from the measured ones.
     scores : tuple of Score
         Of the screening, the largest drop first.
-    runs : tuple of Free, or of CurveRun
-        Predictions before and after, of all recordings: free runs, or a mode's curves.
+    runs : tuple of Free, CurveRun, ModesRun or LoopRun
+        Predictions before and after, of all recordings: free runs, curves, or loops.
     sampling_rate : float
         Hz; NaN for curves.
     restoring : RestoringForce or None

@@ -1,4 +1,4 @@
-"""A mode's curves as the joint alone explains them, and with what it lacks."""
+"""Modes' curves as the joints alone explain them, and with what they lack."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from iwanjax.discrepancy.curve_run import CurveRun
-from iwanjax.discrepancy.verdict import Diagnosis
+from iwanjax.discrepancy.curve_run import CurveRun, ModesRun
+from iwanjax.discrepancy.verdict import Diagnosis, Run
 from iwanjax.errors import InputError
 from iwanjax.plotting.curves import DAMPING_LABEL, amplitude_label, frequency_label
 from iwanjax.plotting.fit import plain_ticks
@@ -20,7 +20,7 @@ _LEAST, _MOST = 3.0, 30.0
 
 @paper_style()
 def plot_explained(diagnosis: Diagnosis) -> Figure:
-    """Measured frequency and damping of a mode, the models before and after, and residuals.
+    """Measured frequency and damping of modes, the models before and after, and residuals.
 
     Points are measured, with bars of one standard deviation; diamonds were held out. Lines are
     the joint alone and, where something is missing, the joint with what was found. Below,
@@ -29,7 +29,7 @@ def plot_explained(diagnosis: Diagnosis) -> Figure:
     Parameters
     ----------
     diagnosis : Diagnosis
-        Result of :func:`iwanjax.diagnose_curves`.
+        Result of :func:`iwanjax.diagnose_curves` or :func:`iwanjax.diagnose_modes`.
 
     Returns
     -------
@@ -40,43 +40,60 @@ def plot_explained(diagnosis: Diagnosis) -> Figure:
     InputError
         For a diagnosis of time histories.
     """
-    before, after = diagnosis.runs
-    if not (isinstance(before, CurveRun) and isinstance(after, CurveRun)):
-        raise InputError("plot_explained: expected a diagnosis of curves; see plot_prediction")
+    before, after = (_by_mode(run) for run in diagnosis.runs)
     figure, panels = plt.subplots(
+        2 * len(before),
         2,
-        2,
-        sharex=True,
-        figsize=(DOUBLE_COLUMN, 3.4),
-        height_ratios=(1.0, 0.45),
+        figsize=(DOUBLE_COLUMN, 0.6 + 2.8 * len(before)),
+        height_ratios=(1.0, 0.45) * len(before),
         layout="constrained",
     )
     set_up(*panels.ravel())
-    models = [(before, _BEFORE, "--", "joint alone")]
+    styles = [(before, _BEFORE, "--", "joints alone" if len(before) > 1 else "joint alone")]
     if diagnosis.detected:
-        models.append((after, _AFTER, "-", "with what was found"))
+        styles.append((after, _AFTER, "-", "with what was found"))
+    for i, label in enumerate(before):
+        models = [(runs[label], colour, style) for runs, colour, style, _ in styles]
+        _mode(panels[2 * i : 2 * i + 2], label, models)
+    handles = [Line2D([], [], color=GREY, marker="o", ls="", markersize=3.0, label="measured")]
+    if any(run.fitted < len(run.measured) for run in before.values()):
+        held = Line2D([], [], color=_HELD_OUT, marker="D", ls="", markersize=3.0, label="held out")
+        held.set_markerfacecolor("none")
+        handles.append(held)
+    for _, colour, style, label in styles:
+        handles.append(Line2D([], [], color=colour, ls=style, label=label))
+    figure.legend(handles=handles, loc="outside upper center", ncols=4)
+    return figure
+
+
+def _by_mode(run: Run) -> dict[str, CurveRun]:
+    """Curves of each mode under its name; a single one has none."""
+    if isinstance(run, ModesRun):
+        return dict(zip(run.labels, run.modes, strict=True))
+    if isinstance(run, CurveRun):
+        return {"": run}
+    raise InputError("plot_explained: expected a diagnosis of curves; see plot_prediction")
+
+
+def _mode(panels: np.ndarray, label: str, models: list[tuple[CurveRun, str, str]]) -> None:
+    """Both quantities of one mode, their residuals below."""
+    before = models[0][0]
     for column, quantity in zip(panels.T, ("frequency", "damping"), strict=True):
+        column[1].sharex(column[0])
+        column[0].tick_params(labelbottom=False)
         _measured(column[0], before, quantity)
-        for run, colour, style, _ in models:
+        for run, colour, style in models:
             _model(column[0], run, quantity, colour, style)
         _residuals(column[1], models, quantity)
         column[1].set_xlabel(amplitude_label(before.measured[0]))
         column[1].set_ylabel(r"$\Delta/\sigma$ (–)")
-    x = np.concatenate([np.asarray(each.amplitude) for each in before.measured])
-    panels[0, 0].set_xscale("log")
-    plain_ticks(panels[0, 0].xaxis, x.min(), x.max())
+        x = np.concatenate([np.asarray(each.amplitude) for each in before.measured])
+        column[0].set_xscale("log")
+        plain_ticks(column[1].xaxis, x.min(), x.max())
+    panels[0, 0].set_title(label, loc="left")
     panels[0, 0].set_ylabel(frequency_label(False))
     panels[0, 1].set_ylabel(DAMPING_LABEL)
     panels[0, 1].set_yscale("log")
-    handles = [Line2D([], [], color=GREY, marker="o", ls="", markersize=3.0, label="measured")]
-    if before.fitted < len(before.measured):
-        held = Line2D([], [], color=_HELD_OUT, marker="D", ls="", markersize=3.0, label="held out")
-        held.set_markerfacecolor("none")
-        handles.append(held)
-    for _, colour, style, label in models:
-        handles.append(Line2D([], [], color=colour, ls=style, label=label))
-    figure.legend(handles=handles, loc="outside upper center", ncols=4)
-    return figure
 
 
 def _measured(ax: Axes, run: CurveRun, quantity: str) -> None:
@@ -102,11 +119,11 @@ def _model(ax: Axes, run: CurveRun, quantity: str, colour: str, style: str) -> N
     ax.plot(x[rising], y[rising], style, color=colour, linewidth=1.1, zorder=2.6)
 
 
-def _residuals(ax: Axes, models: list[tuple[CurveRun, str, str, str]], quantity: str) -> None:
+def _residuals(ax: Axes, models: list[tuple[CurveRun, str, str]], quantity: str) -> None:
     largest = _LEAST
     for level, style in ((0.0, "-"), (2.0, ":"), (-2.0, ":")):
         ax.axhline(level, color=GREY, linestyle=style, linewidth=0.5, zorder=1.6)
-    for run, colour, _, _ in models:
+    for run, colour, _ in models:
         for seen, model in zip(run.measured, run.predicted, strict=True):
             off = np.asarray(getattr(seen, quantity)) - np.asarray(getattr(model, quantity))
             off = off / np.asarray(getattr(seen, f"{quantity}_std"))

@@ -155,7 +155,11 @@ class AbstractProblem(AbstractLeastSquares):
 
     def differences(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
         """Predicted less measured frequency and damping, over their deviations, (N,) each."""
-        f, zeta = self.shown(theta)
+        return self.compared(*self.predict(theta))
+
+    def compared(self, f: Array, zeta: Array) -> tuple[Array, Array]:
+        """The same of a prediction."""
+        f, zeta = self.shifted(f, zeta)
         measured = self.measured
         return (
             (f - measured.frequency) / measured.frequency_std,
@@ -164,7 +168,10 @@ class AbstractProblem(AbstractLeastSquares):
 
     def shown(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
         """The prediction as it is compared: without each curve's own offset for a shift."""
-        f, zeta = self.predict(theta)
+        return self.shifted(*self.predict(theta))
+
+    def shifted(self, f: Array, zeta: Array) -> tuple[Array, Array]:
+        """The same of a prediction."""
         if self.reference == "absolute":
             return f, zeta
         measured = self.measured

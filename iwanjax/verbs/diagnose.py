@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from iwanjax.config import Study
-from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun
+from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun, ModesRun
 from iwanjax.plotting import (
     plot_diagnosis,
     plot_explained,
@@ -143,7 +143,7 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
             plot_diagnosis(verdict),
         )
     ]
-    if isinstance(verdict.runs[0], CurveRun):
+    if isinstance(verdict.runs[0], CurveRun | ModesRun):
         told = (
             "Frequency and damping as measured and as the models before and after have them; "
             "below, what either leaves, over the deviation of each point."
@@ -175,7 +175,7 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
 
 def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> Section:
     """What a verdict rests on: its pictures and its tables."""
-    static = isinstance(verdict.runs[0], CurveRun | LoopRun)
+    static = isinstance(verdict.runs[0], CurveRun | LoopRun | ModesRun)
     models = ("Joints refitted", "With the first suspect")[: 1 + verdict.detected]
     recordings = Table(
         ("Recording", *models),

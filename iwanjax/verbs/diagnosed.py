@@ -1,19 +1,23 @@
-"""Diagnoses of a study: of its structure by hits, of joints by loops, of modes by curves."""
+"""Diagnoses of a study: of its structure by hits or curves, of joints by loops, of modes."""
 
 import math
 import sys
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from iwanjax.config import RecordingEntry, Study
+from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy import Diagnosis, Transient, diagnose
 from iwanjax.discrepancy.diagnose_curves import diagnose_curves
 from iwanjax.discrepancy.diagnose_loops import diagnose_loops
+from iwanjax.discrepancy.diagnose_modes import diagnose_modes
 from iwanjax.errors import InputError
 from iwanjax.signals import ForceLoop, Recording, read_loop
 from iwanjax.updating import modal_parameters
-from iwanjax.updating.structural import joint_parameters
+from iwanjax.updating.structural import joint_parameters, structural_parameters
+from iwanjax.verbs.curves import common_curve
 from iwanjax.verbs.fitted import of_one_quantity
 from iwanjax.verbs.measured import measured_modes, recordings_of
 
@@ -27,8 +31,8 @@ def diagnosed(study: Study, budget: float | None = None) -> dict[str, Diagnosis]
     Raises
     ------
     InputError
-        As :func:`iwanjax.diagnose`, :func:`iwanjax.diagnose_loops` and
-        :func:`iwanjax.diagnose_curves`.
+        As :func:`iwanjax.diagnose`, :func:`iwanjax.diagnose_modes`,
+        :func:`iwanjax.diagnose_loops` and :func:`iwanjax.diagnose_curves`.
     """
     limit = budget if budget is not None else study.budget
     seconds = math.inf if limit is None else limit
@@ -36,8 +40,11 @@ def diagnosed(study: Study, budget: float | None = None) -> dict[str, Diagnosis]
         return _modes(study, seconds)
     looped = dict.fromkeys(entry.joint for entry in study.recordings if entry.kind == "loop")
     transient = any(entry.kind in _HISTORIES for entry in study.recordings)
-    share = seconds / (len(looped) + transient or 1)
+    curves = any(entry.kind == "curves" for entry in study.recordings)
+    share = seconds / (len(looped) + transient + curves or 1)
     found = {label: _joint(study, label, share) for label in looped if label is not None}
+    if curves:
+        found[f"{study.name}, its modes" if transient else study.name] = _by_curves(study, share)
     if transient or not found:
         found[study.name] = _structure(study, share)
     return found
@@ -108,6 +115,41 @@ def _joint(study: Study, label: str, budget: float) -> Diagnosis:
     )
 
 
+def _by_curves(study: Study, budget: float) -> Diagnosis:
+    """The structure by the curves of its modes."""
+    model, structure = study.model, study.structure
+    # A study has these or single modes.
+    assert model is not None
+    assert structure is not None
+    if not model.rows:
+        raise InputError(f"{study.path}: diagnose needs a model with named rows")
+    entries = tuple(entry for entry in study.recordings if entry.kind == "curves")
+    curves: dict[int, ModalCurves] = {}
+    held_out: dict[int, list[ModalCurves]] = {}
+    for mode in measured_modes(replace(study, recordings=entries)):
+        assert isinstance(mode.key, int)
+        others = [hit.curves for hit in mode.held_out]
+        if mode.merged is not None:
+            others = [mode.merged.weighted(each) for each in others]
+        curves[mode.key] = common_curve(mode)
+        held_out[mode.key] = others
+    groups = study.fit.groups or None
+    return diagnose_modes(
+        structure,
+        curves,
+        held_out,
+        study.parameters(None, structural_parameters(structure, groups)),
+        places=model.rows,
+        groups=groups,
+        reference=study.fit.reference or "absolute",
+        hypotheses=study.hypotheses,
+        starts=study.fit.starts,
+        seed=study.seed,
+        budget=budget,
+        progress=_say,
+    )
+
+
 def _structure(study: Study, budget: float) -> Diagnosis:
     """The structure by its time histories."""
     model, structure = study.model, study.structure
@@ -126,8 +168,8 @@ def _structure(study: Study, budget: float) -> Diagnosis:
     ]
     if not found:
         raise InputError(
-            f"{study.path}: no recordings of kind transient, free_decay or loop; diagnose needs "
-            "time histories, or loops of joints"
+            f"{study.path}: no recordings of kind transient, free_decay, curves or loop; diagnose "
+            "needs time histories, curves of modes, or loops of joints"
         )
     sensors, quantity, rate = _common(study, [recording for _, recording in found])
     transients = [

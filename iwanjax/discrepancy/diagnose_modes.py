@@ -1,0 +1,241 @@
+"""Is anything missing from a structure, by measured curves of its modes."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from iwanjax.curves import ModalCurves
+from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
+from iwanjax.discrepancy.curve_run import CurveRun, ModesRun
+from iwanjax.discrepancy.observables import clear_differences
+from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of
+from iwanjax.discrepancy.structural_curves import (
+    STARTS,
+    Looked,
+    ModesFit,
+    glanced,
+    modes_alone,
+    modes_beside,
+)
+from iwanjax.discrepancy.verdict import Diagnosis, Score
+from iwanjax.errors import InputError
+from iwanjax.structures import JointedStructure
+from iwanjax.structures.checks import finite_array
+from iwanjax.types import ArrayLike, require_double_precision
+from iwanjax.updating.parameters import Parameter, drawn, replaced
+from iwanjax.updating.problem import Reference
+from iwanjax.updating.structural import structural_parameters, structural_problem
+
+# Forces at places that are refitted beside the best of each kind.
+_REFITS = 12
+_QUANTITY = "modal displacement"
+
+
+def diagnose_modes(
+    structure: JointedStructure,
+    curves: Mapping[int, ModalCurves],
+    held_out: Mapping[int, ModalCurves | Sequence[ModalCurves]] | None = None,
+    parameters: Mapping[str, Parameter] | None = None,
+    *,
+    places: Mapping[str, ArrayLike],
+    groups: Mapping[str, Sequence[str]] | None = None,
+    reference: Reference = "absolute",
+    hypotheses: tuple[str, ...] = (),
+    starts: int = 64,
+    seed: int = 0,
+    budget: float = math.inf,
+    progress: Callable[[str], None] = lambda line: None,
+) -> Diagnosis:
+    r"""Compare a structure with measured frequency and damping of its modes against amplitude.
+
+    First the joints alone are fitted, through quasi-static modal analysis. Then every force of
+    the catalogue acts at every place, by its first harmonic and its loss over a steady cycle of
+    each mode on its own: at a glance first, of all shapes and sizes while the joints move
+    linearly; the best of these are fitted again together with the joints. Curves must be of
+    one mode at a time, as free decays of a mode are that a modal filter or a shaker has singled
+    out: where several modes move a joint at once, it is softer than curves can say.
+
+    Evidences are those of :func:`iwanjax.diagnose`, of levels whose residuals may be
+    correlated along a curve. Errors are root mean squares of predicted less measured frequency,
+    over its fall below each mode's highest, and damping, over itself.
+
+    Parameters
+    ----------
+    structure : JointedStructure
+        With the joints at their starting values.
+    curves : mapping of int to ModalCurves
+        For each elastic mode, lowest 0, the curve to fit, against modal displacement, with
+        deviations (several hits: :func:`iwanjax.merge_curves`).
+    held_out : mapping of int to ModalCurves or sequence of them, optional
+        Curves of these modes that no fit sees.
+    parameters : mapping of str to Parameter, optional
+        Replaces those of :func:`iwanjax.updating.structural_parameters` by name.
+    places : mapping of str to (n,) array_like
+        Rows of the places where a force may be missing.
+    groups : mapping of str to sequence of str, optional
+        Joints that share their parameters, under a common name.
+    reference : {"absolute", "shift"}
+        Compare frequencies themselves, or up to one offset a mode: then of linear springs and
+        masses nothing is said.
+    hypotheses : tuple of str
+        Kinds to try; all of the catalogue by default.
+    starts, seed : int
+        Of the searches.
+    budget : float
+        Time to spend, s.
+    progress : function
+        Told of every stage.
+
+    Returns
+    -------
+    Diagnosis
+        Its ``runs`` are :class:`ModesRun`.
+
+    Raises
+    ------
+    InputError
+        For curves that cannot be fitted, places that are no rows of the structure, unknown
+        parameters or hypotheses.
+    PrecisionError
+        When JAX computes in float32.
+    """
+    require_double_precision("diagnose_modes")
+    started = time.perf_counter()
+    # A one-sided variant has the two-sided one's curves at half the size.
+    forces = [
+        each for each in kinds_of(hypotheses) if isinstance(each, ForceKind) and not each.variant
+    ]
+    modes, others = _checked(curves, held_out or {})
+    rows = {label: _row(structure, label, row) for label, row in places.items()}
+    if not rows:
+        raise InputError("diagnose_modes: no places; expected {label: row} for at least one")
+    row = replaced(tuple(structural_parameters(structure, groups).values()), parameters or {})
+    several = [curves[mode] for mode in modes]
+    base = structural_problem(structure, several, row, modes, None, groups, reference)
+    random = np.random.default_rng(seed)
+    draws = drawn(row, random, max(starts, STARTS))
+    progress(f"fitting the joints alone to {len(modes)} mode(s)")
+    alone = modes_alone(base, draws)
+    if not math.isfinite(alone.cost):
+        raise InputError(
+            "diagnose_modes: no start gave finite residuals; are the amplitudes in the unit that "
+            "the model is in?"
+        )
+    looked = Looked.at(alone)
+    glances: list[ModesFit] = []
+    unseen, complete = [], True
+    for force in forces:
+        if time.perf_counter() - started >= budget:
+            complete = False
+            break
+        progress(f"looking for {force.name} at {len(rows)} place(s)")
+        each = [glanced(looked, force, label, inside) for label, inside in rows.items()]
+        seen = [glance for glance in each if glance is not None]
+        glances += seen
+        unseen += [] if seen else [force.name]
+    found: list[ModesFit] = []
+    for glance in _worth_a_fit(glances):
+        if time.perf_counter() - started >= budget:
+            complete = False
+            break
+        assert glance.force is not None
+        progress(f"with {glance.force.kind.name} at {glance.force.where}")
+        fit = modes_beside(alone, glance, draws)
+        if math.isfinite(fit.cost):
+            found.append(fit)
+    standing = Standing.of(alone, found)
+    before, after = (_run(fit, several, others) for fit in (alone, standing.chosen))
+    return concluded(
+        standing,
+        "",
+        (before, after),
+        len(modes),
+        estimates_of,
+        observables=tuple(
+            each
+            for mode, run in zip(modes, before.modes, strict=True)
+            for each in clear_differences(run, mode)
+        ),
+        scores=_scores(alone, glances),
+        warnings=_unseen(list(dict.fromkeys(unseen))),
+        complete=complete,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _checked(
+    curves: Mapping[int, ModalCurves],
+    held_out: Mapping[int, ModalCurves | Sequence[ModalCurves]],
+) -> tuple[list[int], list[tuple[ModalCurves, ...]]]:
+    """Modes in order, and the curves of each that are held out."""
+    if not curves:
+        raise InputError("diagnose_modes: no curves; expected {mode: curves} for at least one mode")
+    modes = sorted(curves)
+    stray = [mode for mode in held_out if mode not in curves]
+    if stray:
+        raise InputError(
+            f"diagnose_modes: mode {stray[0]} is held out only; expected one of those to fit, "
+            f"{', '.join(map(str, modes))}"
+        )
+    others = []
+    for mode in modes:
+        given = held_out.get(mode, ())
+        others.append((given,) if isinstance(given, ModalCurves) else tuple(given))
+        for each in (curves[mode], *others[-1]):
+            if each.quantity != _QUANTITY:
+                raise InputError(
+                    f"diagnose_modes: mode {mode} has a curve against {each.quantity}; expected "
+                    f"{_QUANTITY} (see ModalCurves.as_quantity and ModalCurves.scaled)"
+                )
+    return modes, others
+
+
+def _row(structure: JointedStructure, label: str, given: ArrayLike) -> np.ndarray:
+    row = finite_array(given, f"places[{label!r}]")
+    if row.shape != (structure.structure.size,):
+        raise InputError(
+            f"places[{label!r}] has shape {row.shape}; expected ({structure.structure.size},) "
+            "like M"
+        )
+    return row
+
+
+def _worth_a_fit(glances: Sequence[ModesFit]) -> list[ModesFit]:
+    """The best of all, and the best of each kind, in the order that they were looked for."""
+    ranked = sorted(glances, key=lambda each: each.cost)
+    first: dict[str, ModesFit] = {}
+    for glance in ranked:
+        assert glance.force is not None
+        first.setdefault(glance.force.kind.name, glance)
+    chosen = [*ranked[:_REFITS], *first.values()]
+    return [glance for glance in glances if any(glance is each for each in chosen)]
+
+
+def _run(
+    fit: ModesFit, several: Sequence[ModalCurves], others: Sequence[Sequence[ModalCurves]]
+) -> ModesRun:
+    runs = []
+    for i, (own, held) in enumerate(zip(several, others, strict=True)):
+        measured = (own, *held)
+        runs.append(CurveRun.of(measured, fit.predicted(i, measured), 1))
+    modes = fit.problem.base.modes
+    return ModesRun(tuple(runs), tuple(f"mode {mode}" for mode in modes))
+
+
+def _scores(alone: ModesFit, glances: Sequence[ModesFit]) -> tuple[Score, ...]:
+    """What each force would explain of what the joints alone leave, the most first."""
+    found = []
+    for glance in glances:
+        assert glance.force is not None
+        drop = max(0.0, 1.0 - glance.cost / alone.cost)
+        found.append(Score(glance.force.kind.name, glance.force.where, drop))
+    return tuple(sorted(found, key=lambda score: -score.drop))
+
+
+def _unseen(unseen: Sequence[str]) -> list[str]:
+    """What curves say nothing of."""
+    if not unseen:
+        return []
+    return [f"Curves of single modes cannot show {', '.join(unseen)}: no first harmonic, no loss"]
