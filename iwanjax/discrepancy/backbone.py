@@ -21,11 +21,11 @@ from iwanjax.discrepancy.one_joint import (
     to_variable,
 )
 from iwanjax.discrepancy.residuals import correlation_time
+from iwanjax.discrepancy.starts import least_cost, slopes
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.updating.modal import ModalProblem
 from iwanjax.updating.parameters import Chart
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference
-from iwanjax.updating.search import search
 
 # Starts of one search and those of them that are run: all searches share one compiled kernel.
 STARTS = 16
@@ -155,7 +155,7 @@ class CurveFit:
         """Of the force's size and of the logarithm of its shape, linearised; NaN without one."""
         return deviations_of(
             self.force,
-            lambda: np.asarray(_slopes(self.problem, jnp.asarray(self.theta))),
+            lambda: np.asarray(slopes(self.problem, jnp.asarray(self.theta))),
             lambda factor: np.concatenate(replaced_shape(self, factor).residuals()).T.ravel(),
             self.cost,
         )
@@ -227,13 +227,7 @@ def _fit(
         scale=jnp.asarray(scale),
         positive=jnp.asarray(float(positive)),
     )
-    ends = []
-    for first in range(0, len(starts), STARTS):
-        some = starts[np.arange(first, first + STARTS) % len(starts)]
-        found = search(problem, jnp.asarray(some), _RUNS)
-        i = int(np.argmin(np.asarray(found.cost)))
-        ends.append((float(found.cost[i]), np.asarray(found.theta[i])))
-    cost, theta = min(ends, key=lambda each: each[0])
+    cost, theta = least_cost(problem, starts, STARTS, _RUNS)
     return CurveFit(force, problem, theta, cost)
 
 
@@ -256,8 +250,3 @@ def _nothing(levels: int) -> Beside:
 
 def _omega(measured: Measured) -> float:
     return 2.0 * math.pi * float(np.mean(np.asarray(measured.frequency)))
-
-
-@eqx.filter_jit
-def _slopes(problem: WithForce, theta: Array) -> Array:
-    return jax.jacfwd(problem.residuals)(theta)

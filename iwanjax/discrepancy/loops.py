@@ -21,12 +21,12 @@ from iwanjax.discrepancy.one_joint import (
     to_variable,
 )
 from iwanjax.discrepancy.residuals import correlation_time
+from iwanjax.discrepancy.starts import least_cost, slopes
 from iwanjax.joints import AbstractJoint
 from iwanjax.joints.hysteresis import hysteresis
 from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.updating.parameters import Chart, Parameter
 from iwanjax.updating.problem import AbstractLeastSquares
-from iwanjax.updating.search import search
 
 # Starts of one search and those of them that are run, and the spread of the sizes to start from
 # over the largest that is plausible.
@@ -195,7 +195,7 @@ class LoopFit:
         theta = jnp.asarray(self.theta)
         return deviations_of(
             self.force,
-            lambda: np.asarray(_slopes(self.problem, theta)),
+            lambda: np.asarray(slopes(self.problem, theta)),
             lambda factor: np.asarray(_residuals(self._reshaped(factor), theta)),
             self.cost,
         )
@@ -276,13 +276,7 @@ def loops_beside(
 
 
 def _searched(force: Named | None, problem: JointAndForce, starts: np.ndarray) -> LoopFit:
-    ends = []
-    for first in range(0, len(starts), _STARTS):
-        some = starts[np.arange(first, first + _STARTS) % len(starts)]
-        found = search(problem, jnp.asarray(some), _RUNS)
-        i = int(np.argmin(np.asarray(found.cost)))
-        ends.append((float(found.cost[i]), np.asarray(found.theta[i])))
-    cost, theta = min(ends, key=lambda each: each[0])
+    cost, theta = least_cost(problem, starts, _STARTS, _RUNS)
     return LoopFit(force, problem, theta, cost)
 
 
@@ -294,8 +288,3 @@ def _predicted(problem: JointAndForce, theta: Array) -> Array:
 @eqx.filter_jit
 def _residuals(problem: JointAndForce, theta: Array) -> Array:
     return problem.residuals(theta)
-
-
-@eqx.filter_jit
-def _slopes(problem: JointAndForce, theta: Array) -> Array:
-    return jax.jacfwd(problem.residuals)(theta)

@@ -23,10 +23,10 @@ from iwanjax.discrepancy.one_joint import (
     shapes_near,
 )
 from iwanjax.discrepancy.residuals import correlation_time
+from iwanjax.discrepancy.starts import least_cost, slopes
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.quasistatic.single_harmonic import Backbones
 from iwanjax.updating.problem import Measured
-from iwanjax.updating.search import search
 from iwanjax.updating.structural import StructuralProblem
 
 # Deflections that a force is worked out for, and how far they reach beyond what the joints alone
@@ -101,7 +101,7 @@ class ModesFit:
 
         return deviations_of(
             self.force,
-            lambda: np.asarray(_jacobian(self.problem, jnp.asarray(self.theta))),
+            lambda: np.asarray(slopes(self.problem, jnp.asarray(self.theta))),
             reshaped,
             self.cost,
         )
@@ -162,7 +162,7 @@ class Looked(NamedTuple):
     @classmethod
     def at(cls, alone: ModesFit) -> "Looked":
         """Of a fit of the joints alone."""
-        J = np.asarray(_jacobian(alone.problem, jnp.asarray(alone.theta)))[:, :-1]
+        J = np.asarray(slopes(alone.problem, jnp.asarray(alone.theta)))[:, :-1]
         return cls(alone, np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0])
 
 
@@ -242,13 +242,7 @@ def _problem(
 
 
 def _fit(problem: WithForceAt, force: Named | None, starts: np.ndarray) -> ModesFit:
-    ends = []
-    for first in range(0, len(starts), STARTS):
-        some = starts[np.arange(first, first + STARTS) % len(starts)]
-        found = search(problem, jnp.asarray(some), _RUNS)
-        i = int(np.argmin(np.asarray(found.cost)))
-        ends.append((float(found.cost[i]), np.asarray(found.theta[i])))
-    cost, theta = min(ends, key=lambda each: each[0])
+    cost, theta = least_cost(problem, starts, STARTS, _RUNS)
     return ModesFit(force, problem, theta, cost)
 
 
@@ -295,11 +289,6 @@ def _largest(unit: Beside, level: Array, d: np.ndarray, base: StructuralProblem)
 @eqx.filter_jit
 def _cycles(problem: WithForceAt, theta: Array, q: Array) -> Backbones:
     return problem.cycles(theta, q)
-
-
-@eqx.filter_jit
-def _jacobian(problem: WithForceAt, theta: Array) -> Array:
-    return jax.jacfwd(problem.residuals)(theta)
 
 
 @eqx.filter_jit
