@@ -143,6 +143,11 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         entries = with_joints_left_out(search, nominal, shorts, entries, candidates, grounds)
     entries = with_joint_faults(search, nominal, shorts, entries, grounds)
     base, entries = ranked(base, entries)
+    if entries and least(base.fitted, entries).cost > _FAR * left_by_noise(search):
+        # Nothing that was tried explains all: ends that agreed may all have been the wrong one.
+        entries = _restarted(search, base.fitted, entries, grounds, seed + 1, everywhere=True)
+        base = replace(base, fitted=_renominated(search, base.fitted, entries, grounds))
+        base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_limits(search, entries, grounds))
     scores = tuple(
@@ -286,11 +291,18 @@ def _begun(search: Search, choices: Sequence[Sequence[Start]]) -> list[Start]:
 
 
 def _restarted(
-    search: Search, nominal: Fitted, entries: list[Entry], grounds: Grounds, seed: int
+    search: Search,
+    nominal: Fitted,
+    entries: list[Entry],
+    grounds: Grounds,
+    seed: int,
+    *,
+    everywhere: bool = False,
 ) -> list[Entry]:
     """The best suspects from joints all over their prior, where they leave something.
 
-    With several joints and a strong suspect most starts end in a local minimum.
+    With several joints and a strong suspect most starts end in a local minimum. ``everywhere``
+    takes the best one only, and all starts whether or not the first of them agree.
     """
     best = least(nominal, entries)
     if best.cost < _ELSEWHERE * left_by_noise(search) or not entries:
@@ -299,14 +311,14 @@ def _restarted(
     random = np.random.default_rng(seed)
     p = search.parameters
     found, shortest = list(entries), math.inf
-    for i, entry in enumerate(entries[:_RESTARTED]):
+    for i, entry in enumerate(entries[: 1 if everywhere else _RESTARTED]):
         start = entry.fitted.start
-        hopeless = entry.fitted.cost > RACE * best.cost
+        hopeless = entry.fitted.cost > RACE * best.cost or entry.search is not search
         if hopeless or not grounds.in_time():
             continue
         draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
         starts = [Start(start.hypothesis, np.concatenate([z, start.common[p:]])) for z in draws]
-        fits = _scattered(search, starts, shortest, grounds)
+        fits = _scattered(search, starts, shortest, grounds, everywhere)
         if fits[0].cost > _FAR * shortest:
             continue
         shortest = min(shortest, fits[0].cost)
@@ -328,16 +340,21 @@ def _restarted(
 
 
 def _scattered(
-    search: Search, starts: Sequence[Start], best: float, grounds: Grounds
+    search: Search, starts: Sequence[Start], best: float, grounds: Grounds, everywhere: bool
 ) -> list[Fitted]:
     """Fits from joints all over with the shortest memory, the best first.
 
-    The first few are taken for all where they agree, or are far behind the best of another.
+    Unless they are to be looked for everywhere, the first few are taken for all where they agree,
+    or are far behind the best of another.
     """
     fits: list[Fitted] = []
     for some in (starts[:_RESTARTED], starts[_RESTARTED:]):
         costs = [each.cost for each in fits]
-        if fits and (max(costs) < _SAME * min(costs) or min(costs) > _FAR * best):
+        if (
+            fits
+            and not everywhere
+            and (max(costs) < _SAME * min(costs) or min(costs) > _FAR * best)
+        ):
             break
         fits += fit_all(
             search,

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iwanjax as ij
+from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
 from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, Kind
 from iwanjax.discrepancy.competition import Table, refined
@@ -316,6 +317,24 @@ def test_only_the_best_go_on():
         same = whole if i == leader else early
         assert each.cost == pytest.approx(same[i].cost, rel=1e-9)
     assert any(a.cost < 0.99 * b.cost for a, b in zip(whole, found, strict=True))
+
+
+@pytest.mark.parametrize(("everywhere", "least", "tried"), [(False, 12.7, 2), (True, 1.0, 8)])
+def test_ends_that_agree_are_taken_for_all_but_not_where_nothing_explains_the_rest(
+    monkeypatch, everywhere, least, tried
+):
+    """In a chain of three with a soft second spring two of three starts end where the first do."""
+    asked = []
+
+    def ends(search, starts, *_, **__):
+        asked.extend(starts)
+        return [SimpleNamespace(cost=1.0 if start == 5 else 12.7) for start in starts]
+
+    monkeypatch.setattr(competition, "fit_all", ends)
+    grounds = SimpleNamespace(in_time=lambda: True)
+    fits = competition._scattered(None, range(8), math.inf, grounds, everywhere)  # type: ignore[arg-type]
+    assert fits[0].cost == least
+    assert len(asked) == tried
 
 
 def test_searches_that_have_come_to_the_same_go_on_as_one():
