@@ -10,6 +10,7 @@ from iwanjax.discrepancy.catalogue import (
     CATALOGUE,
     ForceKind,
     JointKind,
+    ModeKind,
     SensorKind,
     register_kind,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "JointKind",
     "LoopRun",
     "ModeComparison",
+    "ModeKind",
     "ModesRun",
     "SensorKind",
     "Suspect",

@@ -130,8 +130,8 @@ class CurveFit:
         work = float(np.sign(self.theta[-1]) * loss.sum())
         return work < -_LOSSLESS * float(turned.sum())
 
-    def predicted(self, curves: ModalCurves) -> ModalCurves:
-        """The model at the amplitudes of other curves of the mode."""
+    def predicted(self, curves: ModalCurves, which: int = 0) -> ModalCurves:
+        """The model at the amplitudes of other curves of the mode, whichever it is."""
         q = curves.as_quantity("displacement").amplitude
         unit = _nothing(len(q))
         if self.force is not None:

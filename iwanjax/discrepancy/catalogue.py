@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -138,7 +138,28 @@ class JointKind:
     limits: tuple[str, ...] = ()
 
 
-Kind: TypeAlias = ForceKind | SensorKind | JointKind
+@dataclass(frozen=True)
+class ModeKind:
+    """One way in which a mode's own joint is not its own: what else moves it.
+
+    Parameters
+    ----------
+    name, usual, size, signs
+        As for :class:`ForceKind`.
+    limits : tuple of str
+        As for :class:`ForceKind`.
+    """
+
+    name: str
+    usual: str
+    size: ParameterInfo
+    signs: str
+    limits: tuple[str, ...] = ()
+    # There is nothing about it beside its size.
+    shape: ClassVar[None] = None
+
+
+Kind: TypeAlias = ForceKind | SensorKind | JointKind | ModeKind
 
 
 def _memoryless(law: Callable[[Motion, Array], Array]) -> UnitForce:
@@ -304,6 +325,12 @@ _KINDS: tuple[Kind, ...] = (
         IWAN_PARAMETERS,
         "microslip where no joint is",
         ("coulomb_friction", "stiffness_error"),
+    ),
+    ModeKind(
+        "modal_coupling",
+        "a joint that several modes move at once",
+        ParameterInfo("ratio", "1", "the joint's deflection by the other mode over that by this"),
+        "hits that differ at equal amplitude, the lower in frequency the more another mode moves",
     ),
 )
 

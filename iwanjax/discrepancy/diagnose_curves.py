@@ -9,7 +9,8 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.backbone import CurveFit, fit_alone, fit_beside
-from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
+from iwanjax.discrepancy.catalogue import ForceKind, ModeKind, kinds_of
+from iwanjax.discrepancy.companion import Companion, CoupledFit, fit_coupled
 from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.observables import clear_differences
 from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of, tried
@@ -32,6 +33,8 @@ def diagnose_curves(
     *,
     name: str = "mode",
     mode: int = 0,
+    companions: Sequence[Companion] = (),
+    own: Sequence[ModalCurves] = (),
     hypotheses: tuple[str, ...] = (),
     starts: int = 64,
     seed: int = 0,
@@ -45,7 +48,8 @@ def diagnose_curves(
     cycle, and everything is fitted again. What changes stiffness or damping alike at every
     amplitude (a spring, a mass, a dashpot, a Maxwell element) is part of the mode's own f_0
     and zeta_0, and a force without a first harmonic (a quadratic spring) does not show: of
-    these curves say nothing, which the verdict states.
+    these curves say nothing, which the verdict states. Where other modes moved at the same time
+    the joint may be theirs too: then what they do to it differs from hit to hit.
 
     Evidences are those of :func:`iwanjax.diagnose`, of levels whose residuals may be
     correlated along a curve. Errors are root mean squares of predicted less measured
@@ -61,6 +65,11 @@ def diagnose_curves(
         Replaces those of :func:`iwanjax.modal_parameters` by name.
     name, mode : str, int
         What the verdict calls the mode, and its index.
+    companions : sequence of Companion
+        Other modes that moved at the same time, and perhaps the same joint.
+    own : sequence of ModalCurves
+        All curves again, those held out last, with the estimator's deviations alone: where those
+        of ``curves`` hold the hits' repeatability, which another mode may explain.
     hypotheses : tuple of str
         Kinds to try; all of the catalogue by default.
     starts, seed : int
@@ -88,6 +97,7 @@ def diagnose_curves(
     forces = [
         each for each in kinds_of(hypotheses) if isinstance(each, ForceKind) and not each.variant
     ]
+    modal = [each for each in kinds_of(hypotheses) if isinstance(each, ModeKind)]
     kind = joint_type(joint) if isinstance(joint, str) else joint
     several, others = (
         (each,) if isinstance(each, ModalCurves) else tuple(each) for each in (curves, held_out)
@@ -110,10 +120,26 @@ def diagnose_curves(
         lambda: time.perf_counter() - started < budget,
         lambda line: progress(f"{name}: {line}"),
     )
+    together: list[CoupledFit] = []
+    by_itself = modal_problem(kind, own[: len(several)], row, "absolute") if own else base
     # Beside what can be there: a law of the joint's that is of another shape.
     active = [fit for fit in found if fit.gives_energy]
-    standing = Standing.of(alone, [fit for fit in found if fit not in active])
-    before, after = (_run(fit, several, others) for fit in (alone, standing.chosen))
+    for other in companions if modal else ():
+        if time.perf_counter() - started >= budget:
+            complete = False
+            break
+        progress(f"{name}: with {other.name} on the same joint")
+        fit = fit_coupled(base, by_itself, alone.theta[:-1], draws, modal[0], other)
+        if fit is not None and math.isfinite(fit.cost):
+            together.append(fit)
+    passive: list[CurveFit | CoupledFit] = [fit for fit in found if fit not in active]
+    standing = Standing[CurveFit | CoupledFit].of(
+        alone, [*passive, *together], _trusted(several, own)
+    )
+    # What another mode explains is no scatter of the hits any more.
+    explained = isinstance(standing.chosen, CoupledFit) and own
+    measured = tuple(own) if explained else (*several, *others)
+    before, after = (_run(fit, measured, len(several)) for fit in (alone, standing.chosen))
     return concluded(
         standing,
         name,
@@ -127,12 +153,22 @@ def diagnose_curves(
     )
 
 
-def _run(fit: CurveFit, several: Sequence[ModalCurves], others: Sequence[ModalCurves]) -> CurveRun:
-    measured = (*several, *others)
-    return CurveRun.of(measured, tuple(map(fit.predicted, measured)), len(several))
+def _run(fit: CurveFit | CoupledFit, measured: tuple[ModalCurves, ...], fitted: int) -> CurveRun:
+    predicted = tuple(fit.predicted(each, i) for i, each in enumerate(measured))
+    return CurveRun.of(measured, predicted, fitted)
 
 
-def _estimates(fit: CurveFit, curves: ModalCurves) -> tuple[Estimate, ...]:
+def _trusted(several: Sequence[ModalCurves], own: Sequence[ModalCurves]) -> float:
+    """Share of the curves' squared deviations that is the estimator's own."""
+    shares = [
+        np.mean((np.asarray(getattr(a, std)) / np.asarray(getattr(b, std))) ** 2)
+        for a, b in zip(own, several, strict=False)
+        for std in ("frequency_std", "damping_std")
+    ]
+    return min(1.0, float(np.mean(shares))) if shares else 1.0
+
+
+def _estimates(fit: CurveFit | CoupledFit, curves: ModalCurves) -> tuple[Estimate, ...]:
     """Size and shape of the force, per unit modal mass."""
 
     def told(each: Estimate) -> Estimate:
@@ -142,7 +178,7 @@ def _estimates(fit: CurveFit, curves: ModalCurves) -> tuple[Estimate, ...]:
     return tuple(map(told, estimates_of(fit)))
 
 
-def _active(active: Sequence[CurveFit], chosen: CurveFit) -> list[str]:
+def _active(active: Sequence[CurveFit], chosen: CurveFit | CoupledFit) -> list[str]:
     """What explains more than the verdict, but cannot be."""
     told = []
     for fit in active:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.discrepancy.catalogue import ForceKind
+from iwanjax.discrepancy.catalogue import ForceKind, ModeKind
 from iwanjax.discrepancy.evidence import log_evidence, shares, untried
 from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.ranking import LEAST_GAIN
@@ -37,11 +37,19 @@ class Named(NamedTuple):
     where: str = ""
 
 
+class Moved(NamedTuple):
+    """What else moves a mode's joint: of one shape only, and at no other place."""
+
+    kind: ModeKind
+    shape: float = 1.0
+    where: str = ""
+
+
 class Explained(Protocol):
     """Measurements of one joint, explained by it and at most one force."""
 
     @property
-    def force(self) -> Named | None:
+    def force(self) -> Named | Moved | None:
         """None for the joint alone."""
         ...
 
@@ -226,7 +234,7 @@ def shapes_near(fit: Fit, at: Callable[[float], Fit | None]) -> list[Fit]:
 
 def _lowest(found: list[Fit], at: Callable[[float], Fit | None]) -> list[Fit]:
     """Fits, and those with the shapes that parabolas through them tell."""
-    for _ in range(_PARABOLAS):
+    for _ in range(_PARABOLAS if found else 0):
         shape = _vertex(found)
         nearer = at(shape) if shape is not None else None
         found = [*found, *([nearer] if nearer is not None else [])]
@@ -268,8 +276,19 @@ class Standing(NamedTuple, Generic[Fit]):
     entries: tuple[Entry[Fit], ...]
 
     @classmethod
-    def of(cls, alone: Fit, found: Sequence[Fit]) -> "Standing[Fit]":
-        """By evidence, the best of every kind at a place only."""
+    def of(cls, alone: Fit, found: Sequence[Fit], trusted: float = 1.0) -> "Standing[Fit]":
+        """By evidence, the best of every kind at a place only.
+
+        Parameters
+        ----------
+        alone : Fit
+            The joint on its own.
+        found : sequence of Fit
+            What may act beside it.
+        trusted : float
+            Squared residual over the deviations' square that may be believed: below 1 where
+            these hold more than the measurements' own noise.
+        """
         best: dict[tuple[str, str], Fit] = {}
         for fit in found:
             assert fit.force is not None
@@ -277,8 +296,7 @@ class Standing(NamedTuple, Generic[Fit]):
             best[what] = best_of([best.get(what, fit), fit])
         fits = [alone, *best.values()]
         first = best_of(fits)
-        # No measurement is trusted to be better known than its deviations say.
-        temperature, tau = max(1.0, first.cost / alone.count), first.correlation()
+        temperature, tau = max(trusted, first.cost / alone.count), first.correlation()
         costs, unknowns = zip(*((each.cost, each.unknowns) for each in fits), strict=True)
         values = log_evidence(costs, unknowns, alone.count, temperature, tau)
         values[0] += INDULGENCE * alone.cost / (2.0 * temperature * tau)

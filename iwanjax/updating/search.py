@@ -16,7 +16,8 @@ from iwanjax.updating.parameters import Chart, Parameter
 from iwanjax.updating.problem import AbstractLeastSquares
 
 _MOST_STEPS = 200
-_TOLERANCE = 1e-7
+TOLERANCE = 1e-7
+"""Of a search, relative."""
 # Share of a range within which an estimate is taken to want to leave it.
 _NEAR = 1e-2
 # within which it is on its bound,
@@ -48,7 +49,7 @@ def search(
     problem: AbstractLeastSquares,
     draws: Float[Array, "starts parameters"],
     runs: int,
-    tolerance: float = _TOLERANCE,
+    tolerance: float = TOLERANCE,
 ) -> Search:
     """Improve all starts, then run Levenberg-Marquardt from some of them.
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from iwanjax.config import RecordingEntry, Study
-from iwanjax.curves import ModalCurves
+from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.discrepancy import Diagnosis, Transient, diagnose
+from iwanjax.discrepancy.companion import Companion
 from iwanjax.discrepancy.diagnose_curves import diagnose_curves
 from iwanjax.discrepancy.diagnose_loops import diagnose_loops
 from iwanjax.discrepancy.diagnose_modes import diagnose_modes
@@ -19,7 +20,7 @@ from iwanjax.updating import modal_parameters
 from iwanjax.updating.structural import joint_parameters, structural_parameters
 from iwanjax.verbs.curves import common_curve
 from iwanjax.verbs.fitted import of_one_quantity
-from iwanjax.verbs.measured import measured_modes, recordings_of
+from iwanjax.verbs.measured import MeasuredMode, measured_modes, recordings_of
 
 # Kinds of recordings of a structure, and samples after the peak when a hammer has let go.
 _HISTORIES, _PEAK_ENDS = ("transient", "free_decay"), 8
@@ -73,6 +74,10 @@ def _modes(study: Study, budget: float) -> dict[str, Diagnosis]:
             study.parameters(mode.name, modal_parameters(kind, curves)),
             name=mode.name,
             mode=names.index(mode.name),
+            companions=[_companion(mode, other) for other in modes if other is not mode],
+            own=of_one_quantity([curves[0], *(hit.curves for hit in (*mode.hits, *mode.held_out))])[
+                1:
+            ],
             hypotheses=study.hypotheses,
             starts=study.fit.starts,
             seed=study.seed,
@@ -80,6 +85,22 @@ def _modes(study: Study, budget: float) -> dict[str, Diagnosis]:
             progress=_say,
         )
     return found
+
+
+def _companion(mode: MeasuredMode, other: MeasuredMode) -> Companion:
+    """What another mode did in the recordings of one; nothing where that was not measured."""
+    there = {hit.name: hit for hit in (*other.hits, *other.held_out)}
+    f = float(np.mean(np.concatenate([np.asarray(hit.curves.frequency) for hit in other.hits])))
+    found = []
+    for hit in (*mode.hits, *mode.held_out):
+        with_it = there.get(hit.name)
+        if hit.ringdown is None or with_it is None or with_it.ringdown is None:
+            found.append(np.zeros(hit.curves.amplitude.size))
+            continue
+        known = with_it.ringdown
+        envelope = np.interp(hit.ringdown.time, known.signal_time, known.envelope)
+        found.append(envelope / (2.0 * math.pi * f) ** QUANTITIES[known.curves.quantity])
+    return Companion(other.name, f, tuple(found))
 
 
 def _joint(study: Study, label: str, budget: float) -> Diagnosis:

@@ -51,8 +51,12 @@ def slip() -> float:
     return TRUTH["F_S"] * (1 + beta) / (TRUTH["K_T"] * (beta + (chi + 1) / (chi + 2)))
 
 
-def decays(place: str, force: Force) -> np.ndarray:
-    """Modal velocities (N, modes, hits) after the chain was let go in each mode's shape."""
+def released(strokes: np.ndarray, place: str, force: Force) -> np.ndarray:
+    """Modal velocities (N, modes, hits) after the chain was let go in its modes' shapes.
+
+    ``strokes`` (modes, hits): largest deflection of the joint by each mode on its own, over that
+    at which it would slip altogether.
+    """
     omega, shapes = stuck()
     oscillator = make_hits.Oscillator(f_0=1.0, zeta_0=0.0, **TRUTH)
     slips, k = make_hits.sliders(oscillator, 160, 1.07)
@@ -66,9 +70,9 @@ def decays(place: str, force: Force) -> np.ndarray:
         ]
     )
     step, inverse = scipy.linalg.expm(A * dt), np.linalg.inv(M)
-    q = np.outer(slip() / np.abs(J @ shapes), list(LEVELS.values()))
-    x, v = np.zeros((3, q.size)), np.repeat(shapes * omega, len(LEVELS), axis=1) * q.ravel()
-    stretch = np.zeros((q.size, slips.size))
+    q = strokes * slip() / np.abs(J @ shapes)[:, None]
+    x, v = np.zeros(q.shape), shapes @ (omega[:, None] * q)
+    stretch = np.zeros((q.shape[1], slips.size))
 
     def kick() -> np.ndarray:
         slack = TRUTH["K_T"] * (J @ x) - stretch @ k
@@ -85,8 +89,14 @@ def decays(place: str, force: Force) -> np.ndarray:
         stretch = np.clip(stretch + (J @ (moved - x))[:, None], -slips, slips)
         x = moved
         v = v + kick()
-    modal = shapes.T @ M @ np.array(seen)
-    return np.stack([modal[:, i].reshape(len(seen), 3, -1)[:, i] for i in range(3)], axis=1)
+    return shapes.T @ M @ np.array(seen)
+
+
+def decays(place: str, force: Force) -> np.ndarray:
+    """The same after one mode at a time, its own velocity alone, (N, modes, hits)."""
+    levels = np.array(list(LEVELS.values()))
+    modal = released(np.kron(np.eye(3), levels), place, force)
+    return np.einsum("nmmh->nmh", modal.reshape(len(modal), 3, 3, levels.size))
 
 
 def measured(place: str, force: Force, noise_db: float = -60.0) -> dict[int, list[ij.ModalCurves]]:

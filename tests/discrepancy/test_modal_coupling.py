@@ -1,0 +1,126 @@
+"""Two modes on one joint, each taken for an oscillator with a joint of its own."""
+
+import json
+
+import bolted_chain as chain
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import iwanjax as ij
+from iwanjax.cli import app
+from iwanjax.discrepancy.companion import Companion, moved_by_both
+from iwanjax.signals import ringdown
+
+# Hits on both modes, the last held out, then such on one: strokes of the joint by each mode.
+BOTH = np.array([[0.30, 0.30, 0.30, 0.25], [0.06, 0.45, 0.20, 0.30], [0.0] * 4])
+ONE = np.array([[0.30, 0.28, 0.26, 0.24], [0.0] * 4, [0.0] * 4])
+PRECISION, SENSOR = 0.05, "m3-ground"
+
+
+def band(mode):
+    f = chain.stuck()[0][mode] / (2.0 * np.pi)
+    return 0.8 * f, 1.2 * f
+
+
+def ratio(mode, other):
+    """The joint's deflection by another mode over that by one, per displacement of the sensor."""
+    seen, moved = (np.abs(chain.ROWS[row] @ chain.stuck()[1]) for row in (SENSOR, "J1"))
+    return moved[other] / seen[other] / (moved[mode] / seen[mode])
+
+
+@pytest.fixture(scope="module")
+def signals():
+    """Velocities (N, hits) of the sensor, noise of a thousandth of each one's peak."""
+    v = chain.released(np.hstack([BOTH, ONE]), "J1", lambda d, v: 0.0 * d)
+    seen = np.einsum("m,nmh->nh", chain.ROWS[SENSOR] @ chain.stuck()[1], v)
+    noise = np.random.default_rng(3).standard_normal(seen.shape)
+    return seen + 1e-3 * np.abs(seen).max(axis=0) * noise
+
+
+def rung(signals):
+    """Ring-downs of the first two modes, as far as a hit has moved them."""
+    return {
+        mode: [
+            ringdown(signal, chain.RATE, band(mode), "velocity", unit="m/s", precision=PRECISION)
+            for signal in signals.T[: BOTH.shape[1] if mode else None]
+        ]
+        for mode in (0, 1)
+    }
+
+
+def verdict(several, amplitude, **options):
+    merged = ij.merge_curves(several[:-1])
+    return ij.diagnose_curves(
+        "iwan4",
+        merged.weighted_hits,
+        merged.weighted(several[-1]),
+        companions=[Companion("mode1", 105.5, tuple(amplitude))],
+        own=several,
+        **options,
+    )
+
+
+def test_a_joint_that_another_mode_moves_and_one_that_it_does_not(signals):
+    """The other mode is the same; with hits on one mode it is not in this joint."""
+    rings = rung(signals)
+    omega = 2.0 * np.pi * 105.5
+    amplitude = [
+        np.interp(one.time, other.signal_time, other.envelope) / omega
+        for one, other in zip(rings[0], rings[1], strict=False)
+    ]
+    both, one = ([each.curves for each in rings[0]][part] for part in (slice(4), slice(4, 8)))
+    # Hits that differ hide a joint that two modes move: they are taken to repeat badly.
+    found = verdict(both, amplitude, hypotheses=("modal_coupling", "cubic_stiffness"))
+    assert found.what[0].label == "modal_coupling@mode"
+    assert found.what[0].probability > 0.9
+    (size,) = found.what[0].parameters
+    assert size.value == pytest.approx(ratio(0, 1), rel=0.05)
+    assert found.after.hold_out < 2.0 * found.noise_floor.hold_out < found.before.hold_out
+    found = verdict(one, amplitude, hypotheses=("modal_coupling",))
+    assert not found.detected
+    assert found.probability_nothing_missing > 0.9
+
+
+def test_another_mode_makes_a_joint_softer():
+    joint = ij.Iwan4(F_S=1.0, K_T=1.0, chi=-0.5, beta=2.0)
+    q, omega = jnp.full(4, 0.2 * joint.phi_max), jnp.asarray([1.0, 2.37])
+    found = moved_by_both(joint, q, q * jnp.asarray([0.0, 0.1, 1.0, 3.0]), omega, 2000)
+    np.testing.assert_allclose(found.stiffness[1][0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.loss[0], 0.0, atol=1e-12)
+    assert np.all(np.diff(found.stiffness[1]) < 0.0)
+    # Other modes' motion cannot take more stiffness than the whole joint has.
+    assert np.all(found.stiffness[1] > -joint.harmonic_stiffness(q))
+
+
+@pytest.mark.long
+def test_a_joint_that_two_modes_move_is_found_in_both(signals, tmp_path):
+    entries = []
+    for i, signal in enumerate(signals.T[: BOTH.shape[1]]):
+        use = "hold_out" if i == BOTH.shape[1] - 1 else "fit"
+        t = np.arange(signal.size) / chain.RATE
+        np.savez(tmp_path / f"hit{i}.npz", time=t, response=signal[:, None])
+        entries.append(
+            f"  - {{file: hit{i}.npz, kind: free_decay, use: {use}, response: {{array: response, "
+            "quantity: velocity, unit: m/s}}"
+        )
+    modes = [
+        f"    - {{name: mode{m}, band: [{band(m)[0]}, {band(m)[1]}], joint: {{type: iwan4}}}}"
+        for m in (0, 1)
+    ]
+    text = ["name: both", "model:", "  modal:", *modes, "recordings:", *entries]
+    text += ["hypotheses: [modal_coupling]", f"ringdown: {{precision: {PRECISION}}}"]
+    (tmp_path / "study.yaml").write_text("\n".join(text))
+    out = tmp_path / "out"
+    result = CliRunner().invoke(app, ["diagnose", str(tmp_path / "study.yaml"), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    found = json.loads((out / "diagnosis.json").read_text())["modes"]
+    for mode, other in ((0, 1), (1, 0)):
+        told = found[f"mode{mode}"]
+        (first,) = told["what"]
+        assert (first["kind"], first["where"]) == ("modal_coupling", f"mode{mode}")
+        # Averages are of steady motion, where both modes die down.
+        assert first["parameters"]["ratio"]["value"] == pytest.approx(ratio(mode, other), rel=0.05)
+        errors = {which: each["hold_out"] for which, each in told["fit"].items()}
+        assert errors["after"] < 2.0 * errors["noise_floor"] < errors["before"]
