@@ -13,7 +13,7 @@ from iwanjax.discrepancy.catalogue import ForceKind, ModeKind, kinds_of
 from iwanjax.discrepancy.companion import Companion, CoupledFit, fit_coupled
 from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.observables import clear_differences
-from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of, tried
+from iwanjax.discrepancy.one_joint import Standing, best_of, concluded, estimates_of, tried
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.discrepancy.verdict import Diagnosis
@@ -87,7 +87,8 @@ def diagnose_curves(
     Raises
     ------
     InputError
-        For curves that cannot be fitted, unknown parameters or hypotheses.
+        For curves that cannot be fitted, companions of other levels, unknown parameters or
+        hypotheses.
     PrecisionError
         When JAX computes in float32.
     """
@@ -106,6 +107,7 @@ def diagnose_curves(
         raise InputError("diagnose_curves: no curves to fit; expected at least one ModalCurves")
     if len({each.quantity for each in (*several, *others)}) > 1:
         raise InputError("diagnose_curves: the curves are against different quantities")
+    _check_levels((*several, *others), companions, own)
     row = replaced(tuple(modal_parameters(kind, several).values()), parameters or {})
     base = modal_problem(kind, several, row, "absolute")
     random = np.random.default_rng(seed)
@@ -133,10 +135,10 @@ def diagnose_curves(
         if fit is not None and math.isfinite(fit.cost):
             together.append(fit)
     passive: list[CurveFit | CoupledFit] = [fit for fit in found if fit not in active]
-    standing = Standing[CurveFit | CoupledFit].of(
-        alone, [*passive, *together], _trusted(several, own)
-    )
     # What another mode explains is no scatter of the hits any more.
+    closest = best_of([alone, *passive, *together])
+    trusted = _trusted(several, own) if isinstance(closest, CoupledFit) else 1.0
+    standing = Standing[CurveFit | CoupledFit].of(alone, [*passive, *together], trusted)
     explained = isinstance(standing.chosen, CoupledFit) and own
     measured = tuple(own) if explained else (*several, *others)
     before, after = (_run(fit, measured, len(several)) for fit in (alone, standing.chosen))
@@ -151,6 +153,22 @@ def diagnose_curves(
         complete=complete,
         seconds=time.perf_counter() - started,
     )
+
+
+def _check_levels(
+    measured: Sequence[ModalCurves], companions: Sequence[Companion], own: Sequence[ModalCurves]
+) -> None:
+    """Refuse what does not go level by level with the curves."""
+    levels = [each.amplitude.size for each in measured]
+    given = {f"companion {each.name}": [len(x) for x in each.amplitude] for each in companions}
+    if own:
+        given["own"] = [each.amplitude.size for each in own]
+    for what, sizes in given.items():
+        if sizes != levels:
+            raise InputError(
+                f"diagnose_curves: {what} has {sizes} levels; expected {levels}, as the curves "
+                "have, those held out last"
+            )
 
 
 def _run(fit: CurveFit | CoupledFit, measured: tuple[ModalCurves, ...], fitted: int) -> CurveRun:

@@ -19,7 +19,7 @@ class Force(AbstractCyclic):
 
     Attributes
     ----------
-    d : (curves, deflections) array
+    level : (curves, deflections) array
         Logarithms of the amplitudes, rising; beyond them the ends' values hold.
     unit : Beside
         In-phase stiffness, slope at the tip, and loss over d^2, (curves, deflections) each.

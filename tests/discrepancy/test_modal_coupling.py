@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy.companion import Companion, moved_by_both
+from iwanjax.errors import InputError
 from iwanjax.signals import ringdown
 
 # Hits on both modes, the last held out, then such on one: strokes of the joint by each mode.
@@ -81,6 +82,15 @@ def test_a_joint_that_another_mode_moves_and_one_that_it_does_not(signals):
     found = verdict(one, amplitude, hypotheses=("modal_coupling",))
     assert not found.detected
     assert found.probability_nothing_missing > 0.9
+
+
+def test_companions_of_other_levels_get_one_clear_line(signals):
+    several = [each.curves for each in rung(signals)[1]]
+    amplitude = [np.ones(each.amplitude.size) for each in several]
+    with pytest.raises(InputError, match=r"companion mode1 has \[\d+, .*as the curves have"):
+        verdict(several, amplitude[1:])
+    with pytest.raises(InputError, match=r"own has \[\d+"):
+        ij.diagnose_curves("iwan4", several, own=several[1:])
 
 
 def test_another_mode_makes_a_joint_softer():
