@@ -83,7 +83,7 @@ def _mode(panels: np.ndarray, label: str, models: list[tuple[CurveRun, str, str]
         column[0].tick_params(labelbottom=False)
         _measured(column[0], before, quantity)
         for run, colour, style in models:
-            _model(column[0], run, quantity, colour, style)
+            _model(column[0], run, quantity, colour, style, joined=run is before)
         _residuals(column[1], models, quantity)
         column[1].set_xlabel(amplitude_label(before.measured[0]))
         column[1].set_ylabel(r"$\Delta/\sigma$ (–)")
@@ -112,11 +112,18 @@ def _measured(ax: Axes, run: CurveRun, quantity: str) -> None:
         )
 
 
-def _model(ax: Axes, run: CurveRun, quantity: str, colour: str, style: str) -> None:
-    x = np.concatenate([np.asarray(each.amplitude) for each in run.predicted])
-    y = np.concatenate([np.asarray(getattr(each, quantity)) for each in run.predicted])
-    rising = np.argsort(x)
-    ax.plot(x[rising], y[rising], style, color=colour, linewidth=1.1, zorder=2.6)
+def _model(
+    ax: Axes, run: CurveRun, quantity: str, colour: str, style: str, *, joined: bool
+) -> None:
+    """One line where joints alone say it all; one for each hit where another mode differs."""
+    pairs = [
+        (np.asarray(each.amplitude), np.asarray(getattr(each, quantity))) for each in run.predicted
+    ]
+    if joined:
+        pairs = [tuple(map(np.concatenate, zip(*pairs, strict=True)))]
+    for x, y in pairs:
+        rising = np.argsort(x)
+        ax.plot(x[rising], y[rising], style, color=colour, linewidth=1.1, zorder=2.6)
 
 
 def _residuals(ax: Axes, models: list[tuple[CurveRun, str, str]], quantity: str) -> None:
