@@ -67,7 +67,7 @@ _HOPELESS, _SAME = 0.15, 1.02
 
 
 class Table(NamedTuple):
-    """How it ended.
+    """How it stands, or ended.
 
     Attributes
     ----------
@@ -107,7 +107,17 @@ class Table(NamedTuple):
 
 
 def run(search: Search, grounds: Grounds, seed: int) -> Table:
-    """The whole competition."""
+    """The whole competition with the memory that fits are compared with.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    grounds : Grounds
+        What may be suspected.
+    seed : int
+        Of the starts.
+    """
     grounds.progress("refitting the joints")
     nominal = _nominal(search, grounds, seed)
     grounds.progress("screening kinds and places")
@@ -154,51 +164,48 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
         for c in candidates
     )
-    return _concluded(base, entries, scores, grounds)
+    return Table(bool(entries) and missing(base, entries[0]), base, tuple(entries), scores)
 
 
-def refined(search: Search, finer: Search, table: Table, grounds: Grounds) -> Table:
-    """The end of a competition again, with finer steps between samples.
+def concluded(table: Table, search: Search, grounds: Grounds) -> Table:
+    """The last few polished to the free run, and where all ended.
 
     Parameters
     ----------
-    search, finer : Search
-        As it was, and with finer steps.
     table : Table
-        How it ended with the former.
+        How the competition stands.
+    search : Search
+        The one it was run with, or the same with finer steps between samples.
     grounds : Grounds
         What may be suspected.
     """
-    longest = table.best.fitted.cycles
-    close = [e for e in table.entries if e.fitted.cycles == longest and e.search is search]
-    rest = [e for e in table.entries if e not in close]
-    moved = [replace(e, search=finer) for e in (table.nominal, *close)]
-    fitted = again(moved, [], MIDDLE, grounds)
-    base = next(e for e in fitted if not e.fitted.hypothesis.kinds)
-    base, entries = ranked(base, [e for e in fitted if e.fitted.hypothesis.kinds])
-    found = _concluded(base, entries, table.scores, grounds)
-    return found._replace(entries=(*found.entries, *_behind_all(found.entries, rest)))
-
-
-def _in_a_joint(search: Search, best: Fitted, entries: Sequence[Entry]) -> bool:
-    """Whether a joint left out alone explains all, so that nobody need look for two others."""
-    joint = any(e.fitted is best and e.search is not search for e in entries)
-    return joint and best.cost < MISFIT * left_by_noise(search)
-
-
-def _concluded(
-    base: Entry, entries: list[Entry], scores: tuple[Score, ...], grounds: Grounds
-) -> Table:
-    """The last few polished to the free run, and where all ended."""
-    hopeful = bool(entries) and missing(base, entries[0])
-    base, close = _polished(base, finalists(base, entries) if hopeful else [], entries, grounds)
+    base, *entries = _moved([table.nominal, *table.entries], search)
+    # With other steps the fits that are compared first have to follow.
+    memories = _LONG if base is table.nominal else (MIDDLE, *_LONG)
+    close = finalists(base, entries) if table.detected else []
+    base, close = _polished(base, close, entries, memories, grounds)
     known = {e.fitted.hypothesis.variant for e in close}
     rest = [e for e in entries if e.fitted.hypothesis.variant not in known]
     # What a longer memory does not bear out was an error of the model's own.
     detected = bool(close) and missing(base, close[0])
     close = [replace(e, fitted=in_the_middle(e.search, e.fitted)) for e in close]
     base = replace(base, fitted=in_the_middle(base.search, base.fitted))
-    return Table(detected, base, (*close, *_behind_all(close, rest)), scores)
+    return Table(detected, base, (*close, *_behind_all(close, rest)), table.scores)
+
+
+def _moved(entries: Sequence[Entry], search: Search) -> list[Entry]:
+    """Entries with the steps of another search, which takes the place of the first one's."""
+    if entries[0].search is search:
+        return list(entries)
+    moved = {id(e.search): e.search.with_steps_of(search) for e in entries}
+    moved[id(entries[0].search)] = search
+    return [replace(e, search=moved[id(e.search)]) for e in entries]
+
+
+def _in_a_joint(search: Search, best: Fitted, entries: Sequence[Entry]) -> bool:
+    """Whether a joint left out alone explains all, so that nobody need look for two others."""
+    joint = any(e.fitted is best and e.search is not search for e in entries)
+    return joint and best.cost < MISFIT * left_by_noise(search)
 
 
 def _behind_all(first: Sequence[Entry], rest: Sequence[Entry]) -> list[Entry]:
@@ -208,11 +215,15 @@ def _behind_all(first: Sequence[Entry], rest: Sequence[Entry]) -> list[Entry]:
 
 
 def _polished(
-    base: Entry, close: list[Entry], entries: Sequence[Entry], grounds: Grounds
+    base: Entry,
+    close: list[Entry],
+    entries: Sequence[Entry],
+    memories: Sequence[float],
+    grounds: Grounds,
 ) -> tuple[Entry, list[Entry]]:
     """The nominal model and the last few suspects, or what appears only then, in the free run."""
     grounds.progress("polishing to the free run")
-    for cycles in _LONG:
+    for cycles in memories:
         before = base.fitted
         polished = again([base, *close], [], cycles, grounds)
         base = next(e for e in polished if not e.fitted.hypothesis.kinds)

@@ -136,11 +136,14 @@ def diagnose(
         progress,
     )
     table = competition.run(now.search, grounds, seed)
-    if table.detected and table.best.search is now.search and grounds.in_time():
-        finer = resolution.of_fit(now, table.best.fitted)
+    if grounds.in_time():
+        now = resolution.of_free_run(now, table.best)
+    table = competition.concluded(table, now.search, grounds)
+    if table.detected and grounds.in_time():
+        finer = resolution.of_fit(now, table.best)
         if finer is not now:
             progress("polishing again, with finer steps")
-            table = competition.refined(now.search, finer.search, table, grounds)
+            table = competition.concluded(table, finer.search, grounds)
             now = finer
     sides, search, _ = now
     progress("predicting the held-out recordings")

@@ -1,14 +1,13 @@
 """As many steps between samples as change no residual any more."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from iwanjax.discrepancy.evidence import left_by_noise
-from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.held_out import Free, free_run
 from iwanjax.discrepancy.measured import Prepared, Transient, directions_of, prepared
 from iwanjax.discrepancy.prediction import Predictor
@@ -22,9 +21,10 @@ from iwanjax.errors import InputError
 # Steps between samples: the fewest, and the most that are tried.
 _SUBSTEPS, _MOST_SUBSTEPS = 2, 4
 # Angle by which the fastest mode may turn in a step before more steps are compared with it, and
-# their difference that is none beside the noise: with the memory that fits are compared with, and
-# in the free run, where errors add up.
-_TURN, _SAME_AS = 0.7, {MIDDLE: 0.3, math.inf: 0.7}
+# their difference that is none beside the noise: while suspects are compared, where its square
+# may look like something more that is missing; with the same memory in the end; and in the free
+# run, where errors add up.
+_TURN, _COMPARED, _SAME_AS = 0.7, {MIDDLE: 0.4}, {MIDDLE: 0.3, math.inf: 0.7}
 # Squared residual over the noise's from which on a fit may want for steps.
 _MORE_THAN_NOISE = 1.1
 # Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
@@ -121,7 +121,7 @@ class Resolution:
     noise: np.ndarray
 
     def of_model(self) -> Resolved:
-        """With steps that do for the model as given.
+        """With steps that do while suspects of the model as given are compared.
 
         Raises
         ------
@@ -130,28 +130,42 @@ class Resolution:
         """
         coarse = self._at(_SUBSTEPS)
         _require_same_units(coarse.search)
-        by = coarse.search.predictor
-        if math.sqrt(float(np.max(by.omega2))) * float(by.dt) <= _TURN:
+        if not _fast(coarse):
             return coarse
-        return self._finer(coarse, *_given(coarse.search))
+        return self._finer(coarse, coarse.search, *_given(coarse.search), _COMPARED)
 
-    def of_fit(self, now: Resolved, fitted: Fitted) -> Resolved:
+    def of_free_run(self, now: Resolved, best: Entry) -> Resolved:
+        """With steps that do for a free run as well: ``now`` itself, where modes are slow."""
+        return self._of(now, best) if _fast(now) else now
+
+    def of_fit(self, now: Resolved, best: Entry) -> Resolved:
         """With steps that do for a fit: ``now`` itself, where these are enough.
 
         A stiff suspect may want more than the model without it.
         """
-        if fitted.cost < _MORE_THAN_NOISE * left_by_noise(now.search):
-            return now
-        return self._finer(now, fitted.hypothesis, fitted.theta)
+        left = best.fitted.cost / left_by_noise(best.search)
+        return self._of(now, best) if left > _MORE_THAN_NOISE else now
 
-    def _finer(self, now: Resolved, hypothesis: Hypothesis, theta: np.ndarray) -> Resolved:
+    def _of(self, now: Resolved, best: Entry) -> Resolved:
+        fitted = best.fitted
+        return self._finer(now, best.search, fitted.hypothesis, fitted.theta, _SAME_AS)
+
+    def _finer(
+        self,
+        now: Resolved,
+        search: Search,
+        hypothesis: Hypothesis,
+        theta: np.ndarray,
+        same: Mapping[float, float],
+    ) -> Resolved:
         steps = now.search.predictor.substeps
         if steps >= _MOST_SUBSTEPS:
             return now
         finest = self._at(_MOST_SUBSTEPS)
+        finer = search.with_steps_of(finest.search)
         changed = max(
-            _change(now.search, finest.search, hypothesis, theta, cycles) / unit
-            for cycles, unit in _SAME_AS.items()
+            _change(search, finer, hypothesis, theta, cycles) / unit
+            for cycles, unit in same.items()
         )
         # Errors of fourth order in the step, of which the finest ones have next to nothing.
         enough = math.ceil(steps * changed**0.25)
@@ -175,6 +189,12 @@ def _change(
     lanes = [(hypothesis, theta)]
     off = glance(finer, lanes, cycles)[0] - glance(search, lanes, cycles)[0]
     return float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2)))))
+
+
+def _fast(coarse: Resolved) -> bool:
+    """Whether the fastest mode turns too far in a step for errors to be taken for none."""
+    by = coarse.search.predictor
+    return math.sqrt(float(np.max(by.omega2))) * float(by.dt) > _TURN
 
 
 def _given(search: Search) -> tuple[Hypothesis, np.ndarray]:

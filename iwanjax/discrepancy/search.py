@@ -1,10 +1,11 @@
 """Hypotheses, and what a search for their values rests on: predictor, data, observers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -126,6 +127,15 @@ class Search:
     def recordings(self) -> int:
         """Number of recordings."""
         return self.data.response.shape[0]
+
+    def with_steps_of(self, other: "Search") -> "Search":
+        """These joints on the steps between samples of another search for the same data."""
+        predictor = eqx.tree_at(
+            lambda p: (p.joints, p.stiffness),
+            other.predictor,
+            (self.predictor.joints, self.predictor.stiffness),
+        )
+        return replace(self, predictor=predictor, data=other.data, compiled=set(), _process={})
 
     def nothing(self, slots: int = 1) -> Hypothesis:
         """The model as it is."""

@@ -16,8 +16,8 @@ import iwanjax as ij
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
 from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, Kind
-from iwanjax.discrepancy.competition import Table, refined
-from iwanjax.discrepancy.fitting import SHORT, Fitted, alike, fit_all
+from iwanjax.discrepancy.competition import Table, concluded
+from iwanjax.discrepancy.fitting import SHORT, alike, fit_all
 from iwanjax.discrepancy.joint_faults import without_the_other
 from iwanjax.discrepancy.lanes import Lane, Layout
 from iwanjax.discrepancy.limits import with_limits
@@ -376,16 +376,16 @@ def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
     assert isinstance(stop, ForceKind)
     assert stop.variant == "where d > 0"
 
-    def cost(at: Resolved, stiffness: float) -> Fitted:
+    def ending(at: Resolved, stiffness: float) -> Entry:
         size = (at.search, stop, place.label, place.row, np.zeros(4), stiffness)
-        return fit_all(at.search, [force(*size, shape=3e-4)], MIDDLE, 0)[0]
+        return Entry(at.search, fit_all(at.search, [force(*size, shape=3e-4)], MIDDLE, 0)[0])
 
-    stiff = cost(now, 3e6)
+    stiff = ending(now, 3e6)
     finer = taken.of_fit(now, stiff)
     assert finer.search.predictor.substeps > now.search.predictor.substeps
-    assert cost(finer, 3e6).cost < 0.5 * stiff.cost
-    assert taken.of_fit(now, cost(now, 3e3)) is now
-    assert taken.of_fit(finer, cost(finer, 3e6)) is finer
+    assert ending(finer, 3e6).fitted.cost < 0.5 * stiff.fitted.cost
+    assert taken.of_fit(now, ending(now, 3e3)) is now
+    assert taken.of_fit(finer, ending(finer, 3e6)) is finer
 
 
 def test_a_verdict_on_a_stiff_suspect_is_polished_with_finer_steps():
@@ -406,9 +406,9 @@ def test_a_verdict_on_a_stiff_suspect_is_polished_with_finer_steps():
         return Entry(now.search, fitted)
 
     found, nominal = ended(stiff), ended(Start(now.search.nothing(), np.zeros(6)))
-    finer = taken.of_fit(now, found.fitted).search
+    finer = taken.of_fit(now, found).search
     assert finer is not now.search
-    table = refined(now.search, finer, Table(True, nominal, (found,), ()), grounds)
+    table = concluded(Table(True, nominal, (found,), ()), finer, grounds)
     assert table.detected
     assert table.best.search is table.nominal.search is finer
     assert table.best.fitted.cycles == math.inf
