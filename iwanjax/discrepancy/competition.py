@@ -180,8 +180,8 @@ def concluded(table: Table, search: Search, grounds: Grounds) -> Table:
         What may be suspected.
     """
     base, *entries = _moved([table.nominal, *table.entries], search)
-    # With other steps the fits that are compared first have to follow.
-    memories = _LONG if base is table.nominal else (MIDDLE, *_LONG)
+    # From a free run that finer steps have changed there is no way on but the way there.
+    memories = _LONG if base.fitted.cycles == MIDDLE else (MIDDLE, *_LONG)
     close = finalists(base, entries) if table.detected else []
     base, close = _polished(base, close, entries, memories, grounds)
     known = {e.fitted.hypothesis.variant for e in close}

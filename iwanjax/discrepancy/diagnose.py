@@ -147,7 +147,7 @@ def diagnose(
             now = finer
     sides, search, _ = now
     progress("predicting the held-out recordings")
-    before = sides.free(table.nominal)
+    before = sides.free(table.nominal, replaced=table.detected)
     after = sides.free(table.best) if table.detected else before
     fitted = after[0]
     unknown = untried(fitted.relative / fitted.floor)

@@ -10,7 +10,7 @@ import numpy as np
 from iwanjax.discrepancy.band import OF_NOISE
 from iwanjax.discrepancy.evidence import covariance
 from iwanjax.discrepancy.fitting import Fitted
-from iwanjax.discrepancy.macroslip import Alternative, alternatives
+from iwanjax.discrepancy.macroslip import Alternative
 from iwanjax.discrepancy.measured import Prepared
 from iwanjax.discrepancy.residuals import evaluate, glance
 from iwanjax.discrepancy.search import Search, drifting_values, elapsed, free_values, rates
@@ -97,6 +97,7 @@ def _quantile(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
 def free_run(
     search: Search,
     fitted: Fitted,
+    other: Sequence[Alternative],
     batches: Sequence[tuple[Prepared, Sequence[int]]],
 ) -> Free:
     """A fitted model against recordings, integrated from rest under the measured forces.
@@ -109,11 +110,12 @@ def free_run(
         That the model was fitted with.
     fitted : Fitted
         The model.
+    other : sequence of Alternative
+        Joints that the fitted recordings leave open as well.
     batches : sequence of (Prepared, places)
         Recordings, as many to a batch as were fitted, with their places in the study, by which
         a joint's drift is told.
     """
-    other = alternatives(search, fitted)
     parts = [_free(search, fitted, other, each, places) for each, places in batches]
     return joined(parts)
 

@@ -380,6 +380,6 @@ def _noise(response: np.ndarray, first: int) -> np.ndarray:
     before = _before(response, first)
     if len(before) >= _ENOUGH:
         return np.std(before, axis=0, ddof=1)
-    tail = response[-(len(response) // 8) : -_SPOILT]
+    tail = response[-max(len(response) // 8, _ENOUGH + _SPOILT) : -_SPOILT]
     # Third differences of white noise have twenty times its variance.
     return np.std(np.diff(tail, 3, axis=0), axis=0) / np.sqrt(20.0)

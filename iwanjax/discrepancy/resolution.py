@@ -9,6 +9,7 @@ import numpy as np
 
 from iwanjax.discrepancy.evidence import left_by_noise
 from iwanjax.discrepancy.held_out import Free, free_run
+from iwanjax.discrepancy.macroslip import alternatives
 from iwanjax.discrepancy.measured import Prepared, Transient, directions_of, prepared
 from iwanjax.discrepancy.prediction import Predictor
 from iwanjax.discrepancy.residuals import glance, innovations
@@ -62,10 +63,14 @@ class Sides:
         held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
         return cls(taken(order), order, tuple((taken(those), those) for those in held))
 
-    def free(self, entry: Entry) -> tuple[Free, Free | None]:
-        """Free runs against both."""
+    def free(self, entry: Entry, *, replaced: bool = False) -> tuple[Free, Free | None]:
+        """Free runs against both.
+
+        Of a model that another one replaces nobody asks how unsure macroslip leaves it.
+        """
+        other = [] if replaced else alternatives(entry.search, entry.fitted)
         found = [
-            free_run(entry.search, entry.fitted, batches) if batches else None
+            free_run(entry.search, entry.fitted, other, batches) if batches else None
             for batches in ([(self.fitted, self.order)], self.held)
         ]
         assert found[0] is not None

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 import iwanjax as ij
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
-from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, Kind
+from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, JointKind, Kind
 from iwanjax.discrepancy.competition import Table, concluded
 from iwanjax.discrepancy.fitting import SHORT, alike, fit_all
 from iwanjax.discrepancy.joint_faults import without_the_other
 from iwanjax.discrepancy.lanes import Lane, Layout
 from iwanjax.discrepancy.limits import with_limits
-from iwanjax.discrepancy.measured import Transient, _finer
+from iwanjax.discrepancy.measured import Transient, _finer, _noise
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import predictor
 from iwanjax.discrepancy.probing import pointed_at, probed
@@ -169,16 +169,16 @@ NAMES = ("cubic_stiffness", "gap_contact", "stiffness_error", "viscous_damping",
 JOINT = ij.Iwan4(F_S=1e3, K_T=3e4, chi=-0.5, beta=1.5)
 
 
-def resolution(response: np.ndarray, joint: ij.AbstractJoint = JOINT) -> Resolution:
-    """A mass on a joint, some kinds that may be missing, and what was measured."""
+def resolution(response: np.ndarray, joint: ij.AbstractJoint = JOINT, every: int = 1) -> Resolution:
+    """A mass on a joint, some kinds that may be missing, and every so many-th sample measured."""
     one = np.ones((1, 1))
     model = ij.JointedStructure(
         ij.LinearStructure(one, 2.5 * one, 3e4 * one), {"J1": (np.ones(1), joint)}
     )
     forces = tuple(kind for kind in kinds() if isinstance(kind, ForceKind))
     at = jnp.asarray(one)
-    made = partial(predictor, model, at, at, RATE, "acceleration", forces)
-    force = np.array([[pulse(i / RATE)] for i in range(N)])
+    made = partial(predictor, model, at, at, RATE / every, "acceleration", forces)
+    response, force = response[::every], np.array([[pulse(i / RATE)] for i in range(0, N, every)])
     tight = Joint(joint, jnp.full(len(joint.parameters), 1e-3))
     noise = np.array([1e-3 * np.std(response)])
     return Resolution(made, (tight,), [Transient("rec", response, force)], noise)
@@ -386,6 +386,51 @@ def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
     assert ending(finer, 3e6).fitted.cost < 0.5 * stiff.fitted.cost
     assert taken.of_fit(now, ending(now, 3e3)) is now
     assert taken.of_fit(finer, ending(finer, 3e6)) is finer
+
+
+def test_noise_is_told_of_as_few_samples_as_may_be_diagnosed():
+    waves = 0.3 * np.random.default_rng(0).standard_normal((200, 36, 1))
+    found = [float(_noise(wave, 0)[0]) for wave in waves]
+    assert np.median(found) == pytest.approx(0.3, rel=0.1)
+
+
+def test_a_fast_mode_wants_finer_steps_for_its_free_run_only():
+    response = struck(lambda d: 0.0)
+    # So seldom measured that the mode turns by more than a radian from sample to sample.
+    taken = resolution(response, replace(JOINT, F_S=6e4), every=6)
+    now = taken.of_model()
+    nothing = Start(now.search.nothing(), np.zeros(6))
+    given = Entry(now.search, fit_all(now.search, [nothing], MIDDLE, 0)[0])
+    finer = taken.of_free_run(now, given)
+    assert now.search.predictor.substeps == 2 < finer.search.predictor.substeps
+    slow = resolution(response)
+    now = slow.of_model()
+    assert slow.of_free_run(now, replace(given, search=now.search)) is now
+
+
+def test_a_joint_left_out_takes_finer_steps_with_it():
+    response = struck(lambda d: 8e3 * d)
+    taken, (search, grounds) = resolution(response), searching(response)
+    finer = taken._at(4).search
+    (place,), (kind,) = grounds.places, CATALOGUE["iwan_joint"]
+    assert isinstance(kind, JointKind)
+    guess = [Guess(8e3, 1e-3, np.zeros(4))]
+    own, (start,) = with_joint(search, kind, place, guess)
+    there, _ = with_joint(finer, kind, place, guess)
+    moved = own.with_steps_of(finer)
+    at = [(start.hypothesis, own.still(start.theta))]
+    np.testing.assert_array_equal(glance(moved, at, SHORT)[0], glance(there, at, SHORT)[0])
+    assert np.any(glance(own, at, SHORT)[0] != glance(there, at, SHORT)[0])
+    # The nominal model gives its search up to the finer one, the joint's becomes its like.
+    nominal = fit_all(search, [Start(search.nothing(), np.zeros(6))], MIDDLE, 1)[0]
+    more = fit_all(own, [start], MIDDLE, 1)[0]
+    table = Table(True, Entry(search, nominal, -1e3), (Entry(own, more),), ())
+    ended = concluded(table, finer, grounds)
+    assert ended.nominal.search is finer
+    (entry,) = ended.entries
+    assert entry.search.predictor.substeps == 4
+    assert len(entry.search.joints) == 2
+    assert entry.fitted.cycles == math.inf
 
 
 def test_a_verdict_on_a_stiff_suspect_is_polished_with_finer_steps():
