@@ -41,11 +41,13 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     names = list(diagnosis.by_recording)
     both = np.array([diagnosis.by_recording[name] for name in names])
     wide = bool(diagnosis.what)
+    # Long names below leave less room for the rivals' beside them.
+    height = 2.2 + 0.045 * max(map(len, names))
     figure, panels = plt.subplots(
         1,
         1 + wide,
         squeeze=False,
-        figsize=(DOUBLE_COLUMN if wide else SINGLE_COLUMN, 2.6),
+        figsize=(DOUBLE_COLUMN if wide else SINGLE_COLUMN, height),
         layout="constrained",
     )
     errors = panels[0, 0]
@@ -181,7 +183,7 @@ def plot_places(diagnosis: Diagnosis) -> Figure:
             at = (kinds.index(each.kind.name), places.index(each.where))
             ax.plot(*at, "o", color=PALETTE[1], markersize=9, fillstyle="none", markeredgewidth=2)
     bar = figure.colorbar(image, ax=ax, pad=0.01)
-    bar.set_label("Residual explained (%)", fontsize=8)
+    bar.set_label("Residual\nexplained (%)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     return figure
 
@@ -229,7 +231,8 @@ def plot_restoring(diagnosis: Diagnosis) -> Figure:
             linewidth=1.4 if i == 0 else 0.8,
             label=name,
         )
-    reach = 2.0 * max(float(np.max(np.abs(x))) for x in (found.middle, *found.laws.values()))
+    # A rival may be far beyond what the place needs: it leaves the picture, not the scale to it.
+    reach = 2.0 * max(float(np.max(np.abs(x))) for x in (found.middle, found.laws[found.kind]))
     if reach > 0:
         ax.set_ylim(-reach, reach)
     ax.set_xlabel(f"{found.over.capitalize()} of {found.where} (model's unit)")

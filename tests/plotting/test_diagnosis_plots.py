@@ -1,0 +1,52 @@
+"""Pictures of a diagnosis: what they are scaled to, and labels that can be read."""
+
+import itertools
+from types import SimpleNamespace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from iwanjax.discrepancy.restoring import RestoringForce
+from iwanjax.plotting.diagnosis import plot_restoring
+from iwanjax.plotting.fit import plain_ticks
+
+
+def test_a_rival_far_beyond_what_a_place_needs_does_not_set_the_scale():
+    x = np.linspace(-1.0, 1.0, 9)
+    found = RestoringForce(
+        "cubic_stiffness",
+        "J1",
+        "deflection",
+        x,
+        x**3,
+        x,
+        x**3,
+        0.0 * x,
+        {"cubic_stiffness": x**3, "stiffness_error": 50.0 * x},
+    )
+    (ax,) = plot_restoring(SimpleNamespace(restoring=found)).axes
+    assert ax.get_ylim() == pytest.approx((-2.0, 2.0))
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(1.2e-4, 2.8e-4), (2.1e-6, 4.9e-6), (1e-4, 6e-4), (3.0, 4.0), (0.2, 9.0)]
+)
+def test_a_short_logarithmic_axis_has_a_few_labels_that_keep_apart(low, high):
+    figure, ax = plt.subplots(figsize=(3.0, 1.0))
+    ax.plot([low, high], [0.0, 1.0])
+    ax.set_xscale("log")
+    plain_ticks(ax.xaxis, low, high)
+    figure.canvas.draw()
+    labels = [*ax.xaxis.get_ticklabels(), *ax.xaxis.get_ticklabels(minor=True)]
+    boxes = [label.get_window_extent() for label in labels if label.get_text()]
+    within = ax.get_window_extent()
+    inside = sorted((b for b in boxes if within.x0 <= b.x0 and b.x1 <= within.x1), key=_left)
+    assert len(inside) >= 2
+    assert all(a.x1 < b.x0 for a, b in itertools.pairwise(inside))
+    plt.close("all")
+
+
+def _left(box) -> float:
+    return box.x0
