@@ -1,7 +1,7 @@
 """Signals: recordings of measurements, the files they come in, and the curves they hold."""
 
 from iwanjax.signals.contents import file_contents
-from iwanjax.signals.curves_file import read_curves
+from iwanjax.signals.curves_file import read_curves, read_response_control
 from iwanjax.signals.filters import band_pass, modal_filter
 from iwanjax.signals.force_loop import ForceLoop, read_loop
 from iwanjax.signals.hilbert import RingDown, ringdown, ringdown_curves
@@ -24,6 +24,7 @@ __all__ = [
     "read_loop",
     "read_recording",
     "read_recordings",
+    "read_response_control",
     "resonance_from_control",
     "ringdown",
     "ringdown_curves",

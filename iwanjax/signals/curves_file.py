@@ -1,6 +1,6 @@
 """Reading amplitude-dependent frequency and damping from files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +9,16 @@ from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.files import Node, Unreadable, existing_file, nearest, read_arrays
 from iwanjax.signals.columns import read_columns
+from iwanjax.signals.response_control import ahead_of_force, resonance_from_control
 
 _FEWEST_POINTS = 3
 _NEEDED = ("amplitude", "frequency", "damping")
+# What is held in a sweep, by the name of its column.
+_HELD = {
+    "acceleration_m_s2": ("acceleration", "m/s^2"),
+    "velocity_m_s": ("velocity", "m/s"),
+    "displacement_m": ("displacement", "m"),
+}
 _NAMES = {
     "amplitude": ("amplitude",),
     "frequency": ("frequency_hz", "frequency"),
@@ -51,10 +58,7 @@ def read_curves(
         One line naming the file and the column: missing, misspelt, twice, not finite,
         fewer than 3 points, amplitude or frequency not positive, damping in percent.
     """
-    path = existing_file(path, [".csv"])
-    held: Mapping[str, Node] = (
-        read_columns(path) if path.suffix.lower() == ".csv" else read_arrays(path)
-    )
+    path, held = _read(path)
     try:
         columns = {key: _column(held, names) for key, names in _NAMES.items()}
         _refuse_misspelt(held)
@@ -66,6 +70,74 @@ def read_curves(
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def read_response_control(
+    path: str | Path, levels: Sequence[float] | None = None, *, name: str = ""
+) -> ModalCurves:
+    """Read stepped sines under response control, and what they say of their mode.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file with columns or arrays (points,): level (a label), frequency_hz (Hz), force_n (N),
+        one of acceleration_m_s2, velocity_m_s and displacement_m, and phase_rad: the response's
+        ahead of the force, or the displacement's, with either sign. Other columns are left out.
+    levels : sequence of float, optional
+        Labels of those to take; all by default.
+    name : str
+        Of the mode.
+
+    Returns
+    -------
+    ModalCurves
+        See :func:`iwanjax.resonance_from_control`.
+
+    Raises
+    ------
+    InputError
+        One line naming the file and the column or level: missing, not finite, levels that cannot
+        be analysed, a phase that suits no mass and damper.
+    """
+    path, held = _read(path)
+    try:
+        given = {key: _needed(held, key) for key in ("level", "frequency_hz", "force_n")}
+        phase = _needed(held, "phase_rad")
+        present = [key for key in _HELD if key in held]
+        if len(present) != 1:
+            raise InputError(
+                f"expected one of {', '.join(_HELD)}; found {' and '.join(present) or 'none'}"
+            )
+        (column,) = present
+        label, f, force = given.values()
+        arrays = [label, f, force, _needed(held, column), phase]
+        unknown = sorted(set(levels or ()) - set(label.tolist()))
+        if unknown:
+            there = ", ".join(f"{each:g}" for each in np.unique(label))
+            raise InputError(f"no level {unknown[0]:g}; the file has {there}")
+        taken = np.isin(label, levels) if levels else np.ones(label.shape, bool)
+        label, f, force, response, phase = (each[taken] for each in arrays)
+        quantity, unit = _HELD[column]
+        phase = ahead_of_force(label, f, force, response, phase, quantity)
+        return resonance_from_control(
+            label, f, force, response, phase, quantity=quantity, unit=unit, name=name
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _read(path: str | Path) -> tuple[Path, Mapping[str, Node]]:
+    """A file's columns or arrays."""
+    path = existing_file(path, [".csv"])
+    return path, read_columns(path) if path.suffix.lower() == ".csv" else read_arrays(path)
+
+
+def _needed(held: Mapping[str, Node], name: str) -> np.ndarray:
+    """A column that has to be there."""
+    column = _column(held, (name,))
+    if column is None:
+        raise InputError(f"{name} is missing; found {', '.join(held)}{nearest(name, held)}")
+    return column
 
 
 def _column(held: Mapping[str, Node], names: tuple[str, ...]) -> np.ndarray | None:

@@ -9,6 +9,8 @@ from iwanjax.errors import InputError
 from iwanjax.types import ArrayLike, as_real
 
 _FEWEST_FREQUENCIES = 4
+# Nobody tells a phase beyond this, rad.
+_MOST_TURNED = 4.0 * np.pi
 # Between levels closer than this there is no slope to be had.
 _SAME = 0.01
 # Each takes the amplitude at resonance, or the slope between levels, from the one before; what
@@ -139,6 +141,55 @@ def resonance_from_control(
         unit=unit,
         name=name,
     )
+
+
+def ahead_of_force(
+    level: np.ndarray,
+    frequency: np.ndarray,
+    force: np.ndarray,
+    response: np.ndarray,
+    phase: np.ndarray,
+    quantity: str,
+) -> np.ndarray:
+    """The response's phase ahead of the force, from one that may be told otherwise.
+
+    Recorders tell the phase of what they hold, or of the displacement, ahead of the force or
+    behind it. Only one of these makes a mode of positive mass, stiffness and damping.
+
+    Parameters
+    ----------
+    level, frequency, force, response, phase : (points,) array
+        As for :func:`resonance_from_control`, but for the phase.
+    quantity : str
+        What the response is.
+
+    Raises
+    ------
+    InputError
+        Where none does, and for degrees.
+    """
+    largest = float(np.max(np.abs(phase)))
+    if largest > _MOST_TURNED:
+        raise InputError(f"phase_rad goes to {largest:.4g}; that looks like degrees")
+    turned = 0.5 * np.pi * QUANTITIES[quantity]
+    omega = 2.0 * np.pi * frequency
+    for told in (phase, -phase, phase + turned, turned - phase):
+        Z = force / response * omega ** QUANTITIES[quantity] * np.exp(1j * (turned - told))
+        modes = [_is_mode(omega[level == each], Z[level == each]) for each in np.unique(level)]
+        if all(modes):
+            return told
+    raise InputError(
+        "phase_rad: taken as of the response or of the displacement, ahead of the force or behind "
+        "it, no mode has positive mass, stiffness and damping"
+    )
+
+
+def _is_mode(omega: np.ndarray, Z: np.ndarray) -> bool:
+    """Whether a dynamic stiffness is of a positive mass, stiffness and damping."""
+    if np.unique(omega).size < 2:
+        return True
+    slope, stiffness = np.polyfit(omega**2, np.real(Z), 1)
+    return bool(slope < 0.0 < stiffness and np.mean(np.imag(Z)) > 0.0)
 
 
 def _columns(given: dict[str, ArrayLike]) -> list[np.ndarray]:

@@ -16,6 +16,7 @@ from iwanjax.signals import (
     modal_filter,
     read_curves,
     read_recordings,
+    read_response_control,
     ringdown,
 )
 
@@ -23,6 +24,8 @@ from iwanjax.signals import (
 # nearer; and how far a force has fallen, as share of its peak, when the contact is over.
 _REACH = 0.25
 _FORCE_ENDS = 0.01
+# Recordings that give curves of a mode.
+_GIVING = ("free_decay", "transient", "curves", "response_control")
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +115,11 @@ def measured_modes(study: Study) -> tuple[MeasuredMode, ...]:
         reasons = "; ".join(dict.fromkeys(reason for mode in modes for reason in mode.skipped))
         raise InputError(
             f"{study.path}: no recording with use: fit gives curves"
-            + (f": {reasons}" if reasons else "; kinds free_decay, transient and curves do")
+            + (
+                f": {reasons}"
+                if reasons
+                else "; kinds free_decay, transient, curves and response_control do"
+            )
         )
     return tuple(mode for mode in modes if mode.hits)
 
@@ -172,6 +179,18 @@ def _hits(
     if entry.kind == "curves":
         curves = _blamed(entry, lambda: read_curves(entry.path, name=entry.name))
         yield entry.modes[0], Hit(entry.name, curves)
+        return
+    if entry.kind == "response_control":
+        if not study.modal:
+            raise InputError(
+                f"{entry.place}: response control tells the amplitude of one sensor, not of a "
+                "structure's mode; give its curves (kind: curves), or model: {modal: ...}"
+            )
+        # Levels to fit and levels held out are often in one file.
+        labels = ", ".join(f"{level:g}" for level in entry.levels or ())
+        name = f"{entry.name}[{labels}]" if labels else entry.name
+        curves = _blamed(entry, lambda: read_response_control(entry.path, entry.levels, name=name))
+        yield entry.modes[0], Hit(name, curves)
         return
     if entry.kind not in ("free_decay", "transient"):
         return

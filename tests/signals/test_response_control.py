@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
+from iwanjax.config import load_study
 from iwanjax.signals import resonance_from_control
+from iwanjax.verbs.measured import measured_modes
 
 MASS, ZETA = 0.7, 0.004
 BAND = np.linspace(0.985, 1.012, 15)
@@ -92,3 +94,80 @@ def test_a_phase_of_the_wrong_sign_and_a_resonance_outside_are_named():
     below = {key: np.broadcast_to(value, (1, 15))[:, :5] for key, value in columns.items()}
     with pytest.raises(ij.InputError, match=r"level 1: the resonance, at 95\.\S+ Hz, lies"):
         resonance_from_control(**below)
+
+
+HEADER = {0: "displacement_m", 1: "velocity_m_s", 2: "acceleration_m_s2"}
+
+
+def written(tmp_path, derivatives: int, told=lambda phase: phase, **more):
+    """A file of three levels as a recorder tells them."""
+    columns, frequency = measured([1.0, 2.0, 4.0], derivatives, **more)
+    columns["phase"] = told(columns["phase"])
+    rows = np.broadcast_arrays(*columns.values())
+    names = ["level", "frequency_hz", "force_n", HEADER[derivatives], "phase_rad"]
+    path = tmp_path / "control.csv"
+    table = np.stack([row.ravel() for row in rows], axis=1)
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
+    return path, frequency
+
+
+@pytest.mark.parametrize("derivatives", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("of_displacement", [False, True])
+def test_a_file_may_tell_its_phase_in_any_way(tmp_path, derivatives, sign, of_displacement):
+    turned = 0.5 * np.pi * derivatives if of_displacement else 0.0
+    path, frequency = written(tmp_path, derivatives, lambda phase: sign * (phase - turned))
+    curves = ij.read_response_control(path, name="mode 1")
+    np.testing.assert_allclose(curves.frequency, frequency, rtol=1e-9)
+    np.testing.assert_allclose(curves.damping, ZETA, rtol=1e-6)
+    assert HEADER[derivatives].startswith(curves.quantity)
+
+
+def test_levels_are_taken_by_their_labels(tmp_path):
+    path, frequency = written(tmp_path, 2, exponent=-0.08)
+    curves = ij.read_response_control(path, [1.0, 4.0])
+    np.testing.assert_allclose(curves.frequency, frequency[[0, 2]], rtol=1e-6)
+    with pytest.raises(ij.InputError, match=r"control.csv: no level 3; the file has 1, 2, 4"):
+        ij.read_response_control(path, [1.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("phase_rad", "phase", "phase_rad is missing.*did you mean"),
+        ("acceleration_m_s2", "acceleration", "expected one of acceleration_m_s2.*found none"),
+        ("level,", "step,", "level is missing"),
+    ],
+)
+def test_a_column_that_is_missing_is_told(tmp_path, old, new, told):
+    path, _ = written(tmp_path, 2)
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(ij.InputError, match=told):
+        ij.read_response_control(path)
+
+
+def test_a_phase_that_is_none_is_refused(tmp_path):
+    path, _ = written(tmp_path, 2, np.degrees)
+    with pytest.raises(ij.InputError, match=r"phase_rad goes to .*degrees"):
+        ij.read_response_control(path)
+    path, _ = written(tmp_path, 0, np.zeros_like)
+    with pytest.raises(ij.InputError, match=r"no mode has positive mass, stiffness and damping"):
+        ij.read_response_control(path)
+
+
+def test_a_study_takes_response_control_of_a_mode(tmp_path):
+    written(tmp_path, 2, exponent=-0.08, friction=True)
+    entry = "file: control.csv, kind: response_control, mode: mode1"
+    text = [
+        "name: held",
+        "model: {modal: [{name: mode1, band: [1, 1e4], joint: {type: iwan4}}]}",
+        "recordings:",
+        f"  - {{{entry}, levels: [1, 2], use: fit}}",
+        f"  - {{{entry}, levels: [4], use: hold_out}}",
+    ]
+    (tmp_path / "study.yaml").write_text("\n".join(text))
+    (mode,) = measured_modes(load_study(tmp_path / "study.yaml"))
+    assert [hit.curves.amplitude.size for hit in (*mode.hits, *mode.held_out)] == [2, 1]
+    names = [hit.name for hit in (*mode.hits, *mode.held_out)]
+    assert names == ["control.csv[1, 2]", "control.csv[4]"]
+    assert mode.hits[0].curves.unit == "m/s^2"
