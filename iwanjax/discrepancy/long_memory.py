@@ -7,6 +7,7 @@ from iwanjax.discrepancy.fitting import Fitted, fit_all
 from iwanjax.discrepancy.joint_faults import limited, stuck
 from iwanjax.discrepancy.rounds import (
     LEAST_PROMISE,
+    MISFIT,
     RACE,
     STEPS,
     Entry,
@@ -20,8 +21,9 @@ from iwanjax.discrepancy.search import Search
 # Times what a shorter memory left from which on something new is looked for, and the share of
 # what is new that a suspect has to take: a free run adds up the model's own errors, too.
 _GROWN, _SHARE = 1.25, 0.5
-# Suspects that are refitted: the best so far, and the most promising now.
-_KNOWN, _REFITTED = 2, 4
+# Suspects that are refitted: the best so far, and the most promising now; how many of them go on
+# after a few steps.
+_KNOWN, _REFITTED, _FIELD = 2, 4, 3
 
 
 def appearing(
@@ -35,7 +37,8 @@ def appearing(
 
     An observer takes what differs from hit to hit, or the phase that a weak force shifts over
     many cycles, for errors of the state and corrects them away: with a short memory a drifting
-    joint leaves no more than noise.
+    joint leaves no more than noise. Joints that stick, each a search of its own, are looked at
+    where all others leave something, as with the shorter memory.
 
     Parameters
     ----------
@@ -62,8 +65,12 @@ def appearing(
     known = [e.fitted.start for e in entries if e.search is search][:_KNOWN]
     variants = [start.hypothesis.variant for start in known]
     starts = [*known, *(s for s in starts if s.hypothesis.variant not in variants)]
-    fits = fit_all(search, starts, now.cycles, STEPS, race=RACE, in_time=grounds.in_time)
+    fits = fit_all(
+        search, starts, now.cycles, STEPS, race=RACE, at_most=_FIELD, in_time=grounds.in_time
+    )
+    best = min([now.cost, *(each.cost for each in fits)])
+    found = [Entry(search, each) for each in fits]
+    if best > MISFIT * usual:
+        found += stuck(search, now, limited(search, now, best, now.cycles), grounds, now.cycles)
     enough = now.cost - _SHARE * (now.cost - usual)
-    sticking = stuck(search, now, limited(search, now, now.cost, now.cycles), grounds, now.cycles)
-    found = [*(Entry(search, each) for each in fits), *sticking]
     return placed([each for each in found if cost_of(each) < enough])
