@@ -27,9 +27,9 @@ _SAMPLES, _CYCLES, _SETTLING, _SLIDERS = 32, 24, 6, 100
 _BLOCK = 256
 # Phase of the other mode at the start, of a turn: no simple share of one.
 _PHASE = 0.5 * (math.sqrt(5.0) - 1.0)
-# Starts of a search, those that are run, the ratios that they begin with, and those over what was
-# found by a second search.
-_STARTS, _RUNS, _RATIOS, _NEARER = 8, 2, (0.3, 1.0, 3.0, 0.1), (1.0, 0.9, 1.1, 1.3)
+# Starts of a search that are run, the ratios that all begin with, and those over what was found by
+# a second search.
+_RUNS, _RATIOS, _NEARER = 2, (0.3, 1.0, 3.0, 0.1), (1.0, 0.9, 1.1, 1.3)
 
 # Tolerances of the searches: each step takes a motion of some thousand samples.
 _ROUGH, _FINE = 1e-3, 1e-5
@@ -244,7 +244,7 @@ def fit_coupled(
     joint : (parameters,) array
         Where it ended.
     draws : (starts, parameters) array
-        Others to begin with.
+        Others to begin with, of which the second is taken.
     kind : ModeKind
         What it is called.
     companion : Companion
@@ -253,13 +253,11 @@ def fit_coupled(
     problem = _with(base, companion)
     if not bool(jnp.any(problem.other > 0.0)):
         return None
-    joints = np.tile(joint, (_STARTS, 1))
-    joints[len(_RATIOS) - 1 :: len(_RATIOS)] = draws[1:3]
-    starts = np.column_stack([joints, np.resize(_RATIOS, _STARTS)])
-    _, theta = least_cost(problem, starts, _STARTS, _RUNS, _ROUGH)
-    starts = np.tile(theta, (_STARTS, 1))
-    starts[:, -1] *= np.resize(_NEARER, _STARTS)
-    _, theta = least_cost(_with(own, companion), starts, _STARTS, _RUNS, _FINE)
+    starts = np.column_stack([[joint, joint, joint, draws[1]], _RATIOS])
+    _, theta = least_cost(problem, starts, len(starts), _RUNS, _ROUGH)
+    starts = np.tile(theta, (len(_NEARER), 1))
+    starts[:, -1] *= _NEARER
+    _, theta = least_cost(_with(own, companion), starts, len(starts), _RUNS, _FINE)
     off = problem.compared(*_at(problem, jnp.asarray(theta), base.measured.q, problem.other))
     cost = float(sum(jnp.sum(each**2) for each in off))
     return CoupledFit(Moved(kind), companion, problem, theta, cost)

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -44,7 +44,6 @@ class Search(NamedTuple):
     converged: Bool[Array, " runs"]
 
 
-@eqx.filter_jit
 def search(
     problem: AbstractLeastSquares,
     draws: Float[Array, "starts parameters"],
@@ -57,6 +56,18 @@ def search(
     ``runs`` groups of neighbours is run: the best of all may lie in one wide valley beside
     a narrow deeper one. Optimistix ignores bounds; the variables that it moves have none.
     """
+    # As an array: a search to another tolerance is not compiled again.
+    traced: Any = jnp.asarray(tolerance)
+    return _search(problem, draws, runs, traced)
+
+
+@eqx.filter_jit
+def _search(
+    problem: AbstractLeastSquares,
+    draws: Float[Array, "starts parameters"],
+    runs: int,
+    tolerance: float,
+) -> Search:
     solver = optx.LevenbergMarquardt(tolerance, tolerance)
 
     def residuals(z: Array, problem: AbstractLeastSquares) -> Array:
