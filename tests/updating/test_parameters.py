@@ -1,6 +1,7 @@
 """Parameters with their bounds, and the unbounded variables that a search moves."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import jax
 import numpy as np
@@ -50,7 +51,9 @@ def test_values_and_variables_are_each_others_inverse(positive, share, plain, lo
     # A narrow range far from zero is known to its ends' own digits.
     assert back[2] == pytest.approx(between, rel=1e-14, abs=1e-11 * width)
     assert z[0] == pytest.approx(np.log(positive), abs=1e-14)
-    assert z[1] == pytest.approx(np.log(share / (1 - share)), abs=1e-6 + 1e-12 * abs(low) / width)
+    # Rounded to its digits it lies elsewhere in the range than drawn.
+    low, between, upper = map(Fraction, (low, between, upper))
+    assert z[1] == pytest.approx(np.log(float((between - low) / (upper - between))), abs=1e-11)
     assert z[2] == plain
 
 
