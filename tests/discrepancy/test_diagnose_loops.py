@@ -66,7 +66,7 @@ def verdict(name, steady=False):
     return ij.diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=TRIED)
 
 
-@pytest.mark.parametrize("steady", [False, True])
+@pytest.mark.parametrize("steady", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_nothing_is_missing_from_a_joint_that_is_all(steady):
     told = verdict("none", steady)
     assert not told.detected

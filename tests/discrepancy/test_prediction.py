@@ -238,8 +238,7 @@ def test_without_kinds_or_places_nothing_is_tried():
     assert trials.columns(made, base, []).shape == (0, 1, N, 2)
 
 
-@pytest.mark.parametrize("quantity", ["acceleration", "velocity"])
-@pytest.mark.parametrize("substeps", [2, 4])
+@pytest.mark.parametrize(("quantity", "substeps"), [("acceleration", 2), ("velocity", 4)])
 def test_where_no_joint_slips_responses_are_convolutions(quantity, substeps):
     made, Phi = search(np.ones((N, 2)), substeps, quantity=quantity, names=("cubic_stiffness",))
     # As stiff as ever, and so strong that it never slips.
