@@ -1,8 +1,9 @@
 """Signals: recordings of measurements, the files they come in, and the curves they hold."""
 
 from iwanjax.signals.contents import file_contents
-from iwanjax.signals.curves_file import read_curves, read_response_control
+from iwanjax.signals.curves_file import read_curves, read_force_control, read_response_control
 from iwanjax.signals.filters import band_pass, modal_filter
+from iwanjax.signals.force_control import curves_from_force_control
 from iwanjax.signals.force_loop import ForceLoop, read_loop
 from iwanjax.signals.hilbert import RingDown, ringdown, ringdown_curves
 from iwanjax.signals.merge import MergedCurves, merge_curves
@@ -17,10 +18,12 @@ __all__ = [
     "Recording",
     "RingDown",
     "band_pass",
+    "curves_from_force_control",
     "file_contents",
     "merge_curves",
     "modal_filter",
     "read_curves",
+    "read_force_control",
     "read_loop",
     "read_recording",
     "read_recordings",

@@ -1,6 +1,6 @@
 """Reading amplitude-dependent frequency and damping from files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +9,14 @@ from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.files import Node, Unreadable, existing_file, nearest, read_arrays
 from iwanjax.signals.columns import read_columns
-from iwanjax.signals.response_control import ahead_of_force, resonance_from_control
+from iwanjax.signals.force_control import curves_from_force_control
+from iwanjax.signals.response_control import resonance_from_control
+from iwanjax.signals.stepped_sine import ahead_of_force
 
 _FEWEST_POINTS = 3
 _NEEDED = ("amplitude", "frequency", "damping")
-# What is held in a sweep, by the name of its column.
-_HELD = {
+# What is measured in a sweep, by the name of its column.
+_SEEN = {
     "acceleration_m_s2": ("acceleration", "m/s^2"),
     "velocity_m_s": ("velocity", "m/s"),
     "displacement_m": ("displacement", "m"),
@@ -99,14 +101,47 @@ def read_response_control(
         One line naming the file and the column or level: missing, not finite, levels that cannot
         be analysed, a phase that suits no mass and damper.
     """
+    return _stepped(resonance_from_control, path, levels, name)
+
+
+def read_force_control(
+    path: str | Path, levels: Sequence[float] | None = None, *, name: str = ""
+) -> ModalCurves:
+    """Read stepped sines under force control, and what they say of their mode.
+
+    Parameters
+    ----------
+    path, levels, name
+        As for :func:`read_response_control`.
+
+    Returns
+    -------
+    ModalCurves
+        See :func:`iwanjax.curves_from_force_control`.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_response_control`.
+    """
+    return _stepped(curves_from_force_control, path, levels, name)
+
+
+def _stepped(
+    analysed: Callable[..., ModalCurves],
+    path: str | Path,
+    levels: Sequence[float] | None,
+    name: str,
+) -> ModalCurves:
+    """Curves by an analysis of a file's stepped sines."""
     path, held = _read(path)
     try:
         given = {key: _needed(held, key) for key in ("level", "frequency_hz", "force_n")}
         phase = _needed(held, "phase_rad")
-        present = [key for key in _HELD if key in held]
+        present = [key for key in _SEEN if key in held]
         if len(present) != 1:
             raise InputError(
-                f"expected one of {', '.join(_HELD)}; found {' and '.join(present) or 'none'}"
+                f"expected one of {', '.join(_SEEN)}; found {' and '.join(present) or 'none'}"
             )
         (column,) = present
         label, f, force = given.values()
@@ -117,11 +152,9 @@ def read_response_control(
             raise InputError(f"no level {unknown[0]:g}; the file has {there}")
         taken = np.isin(label, levels) if levels else np.ones(label.shape, bool)
         label, f, force, response, phase = (each[taken] for each in arrays)
-        quantity, unit = _HELD[column]
+        quantity, unit = _SEEN[column]
         phase = ahead_of_force(label, f, force, response, phase, quantity)
-        return resonance_from_control(
-            label, f, force, response, phase, quantity=quantity, unit=unit, name=name
-        )
+        return analysed(label, f, force, response, phase, quantity=quantity, unit=unit, name=name)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -6,11 +6,10 @@ import numpy as np
 
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
-from iwanjax.types import ArrayLike, as_real
+from iwanjax.signals.stepped_sine import stepped_sine
+from iwanjax.types import ArrayLike
 
 _FEWEST_FREQUENCIES = 4
-# Nobody tells a phase beyond this, rad.
-_MOST_TURNED = 4.0 * np.pi
 # Between levels closer than this there is no slope to be had.
 _SAME = 0.01
 # Each takes the amplitude at resonance, or the slope between levels, from the one before; what
@@ -89,35 +88,22 @@ def resonance_from_control(
         For arrays that do not broadcast or are not positive, levels with too few points,
         those whose resonance was not passed, and different levels of one amplitude.
     """
-    if quantity not in QUANTITIES:
-        raise InputError(f"quantity = {quantity!r}; expected one of {', '.join(QUANTITIES)}")
+    points = stepped_sine(level, frequency, force, response, phase, quantity)
     derivatives = QUANTITIES[quantity]
-    labels, f, F, y, angle = _columns(
-        {
-            "level": level,
-            "frequency": frequency,
-            "force": force,
-            "response": response,
-            "phase": phase,
-        }
-    )
-    omega = 2.0 * np.pi * f
-    U = y * np.exp(1j * angle) / (1j * omega) ** derivatives
-    Z = F / U
-    found = [(float(np.mean(y[labels == label])), label) for label in np.unique(labels)]
+    labels = points.level
+    found = [(float(np.mean(points.response[labels == each])), each) for each in np.unique(labels)]
     amplitude = np.array([mean for mean, _ in sorted(found)])
     levels = []
     for _, label in sorted(found):
-        at = np.flatnonzero(labels == label)
-        at = at[np.argsort(omega[at])]
-        different = np.unique(omega[at]).size
+        here = points.of(labels == label)
+        different = np.unique(here.omega).size
         if different < _FEWEST_FREQUENCIES:
             raise InputError(
                 f"level {label:g} has {different} different frequencies; expected at least "
                 f"{_FEWEST_FREQUENCIES}"
             )
-        parts = (np.real(Z[at]), np.imag(Z[at]))
-        levels.append(_Level(f"level {label:g}", omega[at], np.abs(U[at]), *parts))
+        Z = here.stiffness
+        levels.append(_Level(f"level {label:g}", here.omega, here.displacement, Z.real, Z.imag))
     close = np.flatnonzero(np.diff(amplitude) < _SAME * amplitude[1:])
     if close.size:
         one, other = levels[close[0]].name, levels[close[0] + 1].name
@@ -141,68 +127,6 @@ def resonance_from_control(
         unit=unit,
         name=name,
     )
-
-
-def ahead_of_force(
-    level: np.ndarray,
-    frequency: np.ndarray,
-    force: np.ndarray,
-    response: np.ndarray,
-    phase: np.ndarray,
-    quantity: str,
-) -> np.ndarray:
-    """The response's phase ahead of the force, from one that may be told otherwise.
-
-    Recorders tell the phase of what they hold, or of the displacement, ahead of the force or
-    behind it. Only one of these makes a mode of positive mass, stiffness and damping.
-
-    Parameters
-    ----------
-    level, frequency, force, response, phase : (points,) array
-        As for :func:`resonance_from_control`, but for the phase.
-    quantity : str
-        What the response is.
-
-    Raises
-    ------
-    InputError
-        Where none does, and for degrees.
-    """
-    largest = float(np.max(np.abs(phase)))
-    if largest > _MOST_TURNED:
-        raise InputError(f"phase_rad goes to {largest:.4g}; that looks like degrees")
-    turned = 0.5 * np.pi * QUANTITIES[quantity]
-    omega = 2.0 * np.pi * frequency
-    for told in (phase, -phase, phase + turned, turned - phase):
-        Z = force / response * omega ** QUANTITIES[quantity] * np.exp(1j * (turned - told))
-        modes = [_is_mode(omega[level == each], Z[level == each]) for each in np.unique(level)]
-        if all(modes):
-            return told
-    raise InputError(
-        "phase_rad: taken as of the response or of the displacement, ahead of the force or behind "
-        "it, no mode has positive mass, stiffness and damping"
-    )
-
-
-def _is_mode(omega: np.ndarray, Z: np.ndarray) -> bool:
-    """Whether a dynamic stiffness is of a positive mass, stiffness and damping."""
-    if np.unique(omega).size < 2:
-        return True
-    slope, stiffness = np.polyfit(omega**2, np.real(Z), 1)
-    return bool(slope < 0.0 < stiffness and np.mean(np.imag(Z)) > 0.0)
-
-
-def _columns(given: dict[str, ArrayLike]) -> list[np.ndarray]:
-    """All of one length."""
-    arrays = {key: np.asarray(as_real(value, key)) for key, value in given.items()}
-    for key in ("frequency", "force", "response"):
-        if not np.all(arrays[key] > 0.0):
-            raise InputError(f"{key} holds {np.min(arrays[key]):g}; expected positive numbers")
-    try:
-        return [column.ravel() for column in np.broadcast_arrays(*arrays.values())]
-    except ValueError:
-        shapes = ", ".join(f"{key} {value.shape}" for key, value in arrays.items())
-        raise InputError(f"resonance_from_control: shapes do not broadcast: {shapes}") from None
 
 
 def _resonance(level: _Level, exponent: float) -> _Resonance:

@@ -15,6 +15,7 @@ from iwanjax.signals import (
     merge_curves,
     modal_filter,
     read_curves,
+    read_force_control,
     read_recordings,
     read_response_control,
     ringdown,
@@ -24,8 +25,10 @@ from iwanjax.signals import (
 # nearer; and how far a force has fallen, as share of its peak, when the contact is over.
 _REACH = 0.25
 _FORCE_ENDS = 0.01
+# Stepped sines, by what is held.
+_STEPPED = {"response_control": read_response_control, "force_control": read_force_control}
 # Recordings that give curves of a mode.
-_GIVING = ("free_decay", "transient", "curves", "response_control")
+_GIVING = ("free_decay", "transient", "curves", *_STEPPED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +121,7 @@ def measured_modes(study: Study) -> tuple[MeasuredMode, ...]:
             + (
                 f": {reasons}"
                 if reasons
-                else "; kinds free_decay, transient, curves and response_control do"
+                else f"; kinds {', '.join(_GIVING[:-1])} and {_GIVING[-1]} do"
             )
         )
     return tuple(mode for mode in modes if mode.hits)
@@ -180,16 +183,16 @@ def _hits(
         curves = _blamed(entry, lambda: read_curves(entry.path, name=entry.name))
         yield entry.modes[0], Hit(entry.name, curves)
         return
-    if entry.kind == "response_control":
+    if entry.kind in _STEPPED:
         if not study.modal:
             raise InputError(
-                f"{entry.place}: response control tells the amplitude of one sensor, not of a "
+                f"{entry.place}: {entry.kind} tells the amplitude of one sensor, not of a "
                 "structure's mode; give its curves (kind: curves), or model: {modal: ...}"
             )
         # Levels to fit and levels held out are often in one file.
         labels = ", ".join(f"{level:g}" for level in entry.levels or ())
         name = f"{entry.name}[{labels}]" if labels else entry.name
-        curves = _blamed(entry, lambda: read_response_control(entry.path, entry.levels, name=name))
+        curves = _blamed(entry, lambda: _STEPPED[entry.kind](entry.path, entry.levels, name=name))
         yield entry.modes[0], Hit(name, curves)
         return
     if entry.kind not in ("free_decay", "transient"):
