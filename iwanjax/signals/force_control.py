@@ -3,7 +3,6 @@ amplitude.
 """
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
@@ -73,9 +72,10 @@ def curves_from_force_control(
         For arrays that do not broadcast or are not positive, a level that stays away from its
         resonance, too few points, points that do not tell the mass.
     """
+    from scipy.interpolate import CubicSpline  # here, because it takes long to import
+
     points = stepped_sine(level, frequency, force, response, phase, quantity)
-    Z = points.stiffness
-    points = points.of(np.abs(Z.real) < _BESIDE * np.abs(Z.imag))
+    points = points.of(np.abs(points.inphase) < _BESIDE * np.abs(points.quadrature))
     knots = _knots(points, np.unique(np.asarray(level)))
     unknowns = 2 * knots.size + 2
     if points.omega.size <= unknowns:
@@ -83,13 +83,13 @@ def curves_from_force_control(
             f"{points.omega.size} points are near their resonance; expected more than {unknowns} "
             f"for {knots.size} amplitudes"
         )
-    omega, Z, size = points.omega, points.stiffness, np.abs(points.stiffness)
+    omega, size = points.omega, np.hypot(points.inphase, points.quadrature)
     splines = CubicSpline(np.log(knots), np.eye(knots.size))
     spanned = splines(np.log(points.displacement))
     middle = float(np.mean(omega))
     # Columns of one size: the mass times the mean frequency squared is about the stiffness.
     inertia = -((omega / middle) ** 2)
-    found, spread = _least_squares(np.column_stack([spanned, inertia]), Z.real, size)
+    found, spread = _least_squares(np.column_stack([spanned, inertia]), points.inphase, size)
     k, m = found[:-1], found[-1] / middle**2
     if m <= 0.0 or np.any(k <= 0.0):
         raise InputError(
@@ -103,7 +103,7 @@ def curves_from_force_control(
         )
     omega_r = np.sqrt(k / m)
     turned = omega / np.sqrt(spanned @ k / m) - 1.0
-    h, lost = _least_squares(np.column_stack([spanned, turned]), Z.imag, size)
+    h, lost = _least_squares(np.column_stack([spanned, turned]), points.quadrature, size)
     # d ln omega_r = (dk/k - dm/m)/2, knot by knot.
     share = np.column_stack([np.diag(1.0 / k), np.full(knots.size, -1.0 / found[-1])])
     relative = 0.5 * np.sqrt(np.einsum("ij,jk,ik->i", share, spread, share))

@@ -6,7 +6,7 @@ import numpy as np
 
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
-from iwanjax.signals.stepped_sine import stepped_sine
+from iwanjax.signals.stepped_sine import SteppedSine, stepped_sine
 from iwanjax.types import ArrayLike
 
 _FEWEST_FREQUENCIES = 4
@@ -15,16 +15,6 @@ _SAME = 0.01
 # Each takes the amplitude at resonance, or the slope between levels, from the one before; what
 # is wrong shrinks by the slope, a tenth or so.
 _ROUNDS = 12
-
-
-class _Level(NamedTuple):
-    """The points of one level."""
-
-    name: str
-    omega: np.ndarray
-    displacement: np.ndarray
-    inphase: np.ndarray
-    quadrature: np.ndarray
 
 
 class _Resonance(NamedTuple):
@@ -102,8 +92,7 @@ def resonance_from_control(
                 f"level {label:g} has {different} different frequencies; expected at least "
                 f"{_FEWEST_FREQUENCIES}"
             )
-        Z = here.stiffness
-        levels.append(_Level(f"level {label:g}", here.omega, here.displacement, Z.real, Z.imag))
+        levels.append(here)
     close = np.flatnonzero(np.diff(amplitude) < _SAME * amplitude[1:])
     if close.size:
         one, other = levels[close[0]].name, levels[close[0] + 1].name
@@ -129,7 +118,7 @@ def resonance_from_control(
     )
 
 
-def _resonance(level: _Level, exponent: float) -> _Resonance:
+def _resonance(level: SteppedSine, exponent: float) -> _Resonance:
     """Of one level, with its stiffness varying as the displacement to the exponent."""
     omega_r = 0.5 * (level.omega[0] + level.omega[-1])
     k, m, covariance = _inphase(level, exponent, omega_r)
@@ -147,7 +136,9 @@ def _resonance(level: _Level, exponent: float) -> _Resonance:
     )
 
 
-def _inphase(level: _Level, exponent: float, omega_r: float) -> tuple[float, float, np.ndarray]:
+def _inphase(
+    level: SteppedSine, exponent: float, omega_r: float
+) -> tuple[float, float, np.ndarray]:
     """Stiffness at the displacement that goes with omega_r, mass, and their covariance."""
     lowest, highest = level.omega[0], level.omega[-1]
     logs = np.log(level.omega), np.log(level.displacement)

@@ -25,15 +25,21 @@ class SteppedSine(NamedTuple):
         Amplitude as measured.
     displacement : (points,) array
         Amplitude of the displacement.
-    stiffness : (points,) complex array
-        Dynamic stiffness Z, force over displacement.
+    inphase, quadrature : (points,) array
+        Real and imaginary part of the dynamic stiffness, force over displacement.
     """
 
     level: np.ndarray
     omega: np.ndarray
     response: np.ndarray
     displacement: np.ndarray
-    stiffness: np.ndarray
+    inphase: np.ndarray
+    quadrature: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """Of the level that all points are of."""
+        return f"level {self.level[0]:g}"
 
     def of(self, at: np.ndarray) -> "SteppedSine":
         """Those of the points, in the order of their frequencies."""
@@ -83,7 +89,8 @@ def stepped_sine(
     )
     omega = 2.0 * np.pi * f
     U = y * np.exp(1j * angle) / (1j * omega) ** QUANTITIES[quantity]
-    return SteppedSine(labels, omega, y, np.abs(U), F / U)
+    Z = F / U
+    return SteppedSine(labels, omega, y, np.abs(U), np.real(Z), np.imag(Z))
 
 
 def ahead_of_force(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 import iwanjax as ij
 from iwanjax.config import load_study
@@ -29,12 +29,17 @@ def answers(a, softening):
     return np.sqrt(k / MASS) / (2.0 * np.pi), loss(a, softening) / (2.0 * k)
 
 
+def root(off, low, high):
+    """Where something passes zero."""
+    return root_scalar(off, bracket=(low, high), xtol=1e-18, rtol=1e-14).root
+
+
 def swept(forces, softening, *, derivatives=0, upward=True, reach=0.03, low=1.0, high=1.0):
     """Columns of sweeps at held forces, each about its own resonance, 31 steps."""
     rows = []
     amplitudes = np.geomspace(1e-9, 10.0 * LARGEST, 3000)
     for label, F in enumerate(forces, 1):
-        peak = brentq(lambda a, F=F: loss(a, softening) * a - F, 1e-12, 10.0 * LARGEST)
+        peak = root(lambda a, F=F: loss(a, softening) * a - F, 1e-12, 10.0 * LARGEST)
         centre = np.sqrt(stiffness(peak, softening) / MASS)
         steps = centre * np.linspace(1.0 - low * reach, 1.0 + high * reach, 31)
         last = 0.1 * peak
@@ -45,9 +50,9 @@ def swept(forces, softening, *, derivatives=0, upward=True, reach=0.03, low=1.0,
                 return np.hypot(k - MASS * omega**2, h) * a - F
 
             signs = np.flatnonzero(np.diff(np.sign(off(amplitudes))))
-            roots = [brentq(off, *amplitudes[i : i + 2], xtol=1e-18, rtol=1e-14) for i in signs]
+            roots = [root(off, amplitudes[i], amplitudes[i + 1]) for i in signs]
             # Of several steady motions a sweep stays on the nearest.
-            a = min(roots, key=lambda root, last=last: abs(np.log(root / last)))
+            a = min(roots, key=lambda each, last=last: abs(np.log(each / last)))
             last = a
             Z = stiffness(a, softening) - MASS * omega**2 + 1j * loss(a, softening)
             phase = 0.5 * np.pi * derivatives - np.angle(Z)
