@@ -13,6 +13,7 @@ from iwanjax.discrepancy.rounds import (
     STEPS,
     Entry,
     Grounds,
+    least,
     screened,
 )
 from iwanjax.discrepancy.search import Search, Start, Variant
@@ -24,6 +25,9 @@ _SECONDS, _PARTNERS = 6, 3
 _FALL, _SECOND_GAIN = 3.0, 15.0
 # Times that a second is looked for.
 _ROUNDS = 2
+# Squared residual over the noise's from which on pairs explain too little, and times the best
+# suspect's until which another is worth a second beside it then.
+_FAR, _AS_GOOD = 3.0, 2.0
 
 
 def doubled(search: Search, entries: list[Entry], grounds: Grounds) -> list[Entry]:
@@ -43,17 +47,40 @@ def doubled(search: Search, entries: list[Entry], grounds: Grounds) -> list[Entr
     list of Entry
         The same, after pairs, or after what turned out to do alone, if there are such.
     """
+    found = entries
+    for first in _firsts(search, entries):
+        found = _grown(search, first, found, grounds)
+        if least(first, found).cost < _FAR * left_by_noise(search):
+            break
+    return found
+
+
+def _firsts(search: Search, entries: Sequence[Entry]) -> list[Fitted]:
+    """The best suspect, and the next best at another place: alone either may be only like both."""
     first = entries[0]
     if first.search is not search or first.fitted.hypothesis.drifting is not None:
-        return entries
-    alone = first.fitted
+        return []
+    elsewhere = [
+        e.fitted
+        for e in entries
+        if e.search is search
+        and e.fitted.cycles == first.fitted.cycles
+        and e.fitted.hypothesis.drifting is None
+        and e.fitted.hypothesis.where != first.fitted.hypothesis.where
+        and e.fitted.cost < _AS_GOOD * first.fitted.cost
+    ]
+    return [first.fitted, *elsewhere[:1]]
+
+
+def _grown(search: Search, first: Fitted, entries: list[Entry], grounds: Grounds) -> list[Entry]:
+    """Entries after pairs with one of them, or after what turned out to do alone."""
     for _ in range(_ROUNDS):
-        pairs, enough = _beside(search, alone, grounds)
+        pairs, enough = _beside(search, first, grounds)
         if not enough:
             return [Entry(search, each) for each in pairs] + entries
         # The joints were bent, or the first was only like the second: looked at again from there.
         entries = [Entry(search, each) for each in enough] + entries
-        alone = enough[0]
+        first = enough[0]
     return entries
 
 

@@ -139,6 +139,15 @@ def test_every_case_of_the_development_half(told, number):
     assert {f"{x['kind']}@{x['where']}" for x in found} == labels(truth["kind"], truth["where"])
 
 
+@pytest.mark.long
+def test_a_pair_that_each_of_them_alone_looks_unlike(told):
+    """No partner of the best single suspect explains much; one of the next best explains all."""
+    verdict, truth, _ = told(487)
+    found = {f"{each['kind']}@{each['where']}" for each in verdict["what"][:2]}
+    assert found == labels(truth["kind"], truth["where"])
+    assert verdict["fit"]["after"]["hold_out"] < 1.5 * verdict["fit"]["noise_floor"]["hold_out"]
+
+
 def structure():
     linear = ij.LinearStructure(TWO, 0.1 * TWO, 1e4 * (2.0 * TWO - 1.0))
     joint = ij.Iwan4(F_S=5.0, K_T=2e3, chi=-0.5, beta=1.0)

@@ -1,0 +1,60 @@
+"""A second effect is looked for beside the best suspect, then beside the best one elsewhere."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from iwanjax.discrepancy import pairs
+from iwanjax.discrepancy.rounds import MIDDLE, Entry
+
+N = 1000
+SEARCH = SimpleNamespace(
+    data=SimpleNamespace(weight=np.ones((1, N, 1))), noise=np.array([1.0]), predictor=None
+)
+
+
+def entry(cost: float, where: str, cycles: float = MIDDLE, search: object = SEARCH) -> Entry:
+    hypothesis = SimpleNamespace(where=(where,), drifting=None)
+    return Entry(search, SimpleNamespace(hypothesis=hypothesis, cost=cost * N, cycles=cycles))
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Whom a second was looked for beside; only beside m3 one is found that explains all."""
+    seen = []
+
+    def beside(search, first, grounds):
+        seen.append(first.hypothesis.where[0])
+        found = entry(0.3, "m3").fitted if seen[-1] == "m3" else entry(60.0, "m2").fitted
+        return [found], []
+
+    monkeypatch.setattr(pairs, "_beside", beside)
+    return seen
+
+
+def test_where_the_first_and_its_partners_explain_too_little_the_next_place_is_asked(asked):
+    singles = [entry(100.0, "m2"), entry(110.0, "m2"), entry(120.0, "m3"), entry(130.0, "m1")]
+    found = pairs.doubled(SEARCH, singles, None)
+    assert asked == ["m2", "m3"]
+    assert min(each.fitted.cost for each in found) < N
+    assert found[-4:] == singles
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        [entry(110.0, "m2")],
+        [entry(250.0, "m3")],
+        [entry(50.0, "m3", cycles=2.0)],
+        [entry(120.0, "m3", search=None)],
+    ],
+)
+def test_what_is_at_the_same_place_or_explains_much_less_is_not_asked(asked, others):
+    pairs.doubled(SEARCH, [entry(100.0, "m2"), *others], None)
+    assert asked == ["m2"]
+
+
+def test_where_the_first_has_a_partner_nobody_else_is_asked(asked):
+    pairs.doubled(SEARCH, [entry(100.0, "m3"), entry(110.0, "m2")], None)
+    assert asked == ["m3"]
