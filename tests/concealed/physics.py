@@ -243,8 +243,12 @@ def integrate(
     hits: Sequence[Hit],
     oversampling: int | None = None,
     watch_rows: bool = False,
+    thrown: Array | None = None,
 ) -> Histories:
-    """Accelerations of the sensors on the fine grid, before the measurement chain."""
+    """Accelerations of the sensors on the fine grid, before the measurement chain.
+
+    From rest, or from modal velocities (recording, mode) of the structure with its joints stuck.
+    """
     oversampling = oversampling or structure.steps
     count = len(hits)
     dt = 1.0 / (structure.rate * oversampling)
@@ -296,6 +300,8 @@ def integrate(
         forces[:, i, local + list(structure.inputs).index(hit.place)] = hit.force(time)
     views = np.zeros((steps, count, seen.shape[1]))
     now = np.zeros((count, 2 * n + len(acting)))
+    if thrown is not None:
+        now[:, n : 2 * n] = thrown
     for k in range(1, steps):
         now[:, 2 * n :] = forces[k - 1]
         base = now @ step
@@ -343,6 +349,7 @@ def measure(
     effects: Sequence[Effect],
     hits: Sequence[Hit],
     oversampling: int | None = None,
+    thrown: Array | None = None,
 ) -> tuple[Array, Array]:
     """Responses (sample, recording, sensor) and forces (sample, recording), free of noise.
 
@@ -350,7 +357,7 @@ def measure(
     recorder's and acts on what it records (see `saturate`).
     """
     oversampling = oversampling or structure.steps
-    fine = integrate(structure, joints, effects, hits, oversampling)
+    fine = integrate(structure, joints, effects, hits, oversampling, thrown=thrown)
     response = fine.response
     labels = list(structure.sensors)
     for effect in effects:

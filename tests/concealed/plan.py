@@ -254,7 +254,7 @@ def _off(rng: np.random.Generator, low: float, high: float) -> float:
     return float(rng.uniform(low, high) * rng.choice([-1.0, 1.0]))
 
 
-def _joints(structure: Structure, rng: np.random.Generator) -> tuple[dict[str, Iwan], ...]:
+def scattered_joints(structure: Structure, rng: np.random.Generator) -> tuple[dict[str, Iwan], ...]:
     """Return true joints scattered about the nominal ones, and starting values that are off."""
     true, given = {}, {}
     for name, (F_S, K_T, chi, beta) in structure.joints.items():
@@ -278,7 +278,7 @@ def _case(number: int, name: str, wanted: tuple[Wanted, ...]) -> Case:
     structure = STRUCTURES[name]
     rng = np.random.default_rng([20240607, number])
     hits = _hits(structure, rng)
-    true, given = _joints(structure, rng)
+    true, given = scattered_joints(structure, rng)
     return Case(
         number=number,
         structure=structure,

@@ -7,7 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from concealed.cases import CASES, SIZES
+from concealed.modal import MODAL_CASES
+from concealed.modal import write as write_modal
 from concealed.physics import Effect, Hit, JointBank, integrate, slider_bank
 from concealed.plan import plan
 from concealed.sizing import refusal
@@ -80,3 +83,21 @@ def test_refused_cases_are_left_out():
     assert refused
     assert not refused & numbers
     assert refused | numbers == {case.number for case in plan()}
+
+
+def test_a_structure_that_is_thrown_rings_in_the_modes_it_was_thrown_in(tmp_path):
+    for kind, both in (("none", False), ("modal_coupling", True)):
+        case = next(c for c in MODAL_CASES if c.kind == kind and c.structure.name == "chain2")
+        write_modal(case, tmp_path / kind)
+        study = yaml.safe_load((tmp_path / kind / "study.yaml").read_text())
+        bands = [mode["band"] for mode in study["model"]["modal"]]
+        recording = study["recordings"][0]
+        assert recording["modes"] == case.names[: 2 if both else 1]
+        signal = np.load(tmp_path / kind / recording["file"])["response"][:, 0]
+        spectrum = np.abs(np.fft.rfft(signal)) ** 2
+        f = np.fft.rfftfreq(len(signal), 1.0 / case.structure.rate)
+        shares = [np.sum(spectrum[(f > low) & (f < high)]) for low, high in bands]
+        assert bool(min(shares) > 1e-3 * max(shares)) is both
+        assert sum(shares) > 0.95 * np.sum(spectrum)
+        truth = json.loads((tmp_path / kind / "truth.json").read_text())
+        assert truth["modes"] == dict.fromkeys(case.names, kind)
