@@ -27,9 +27,11 @@ _SAMPLES, _CYCLES, _SETTLING, _SLIDERS = 32, 24, 6, 100
 _BLOCK = 256
 # Phase of the other mode at the start, of a turn: no simple share of one.
 _PHASE = 0.5 * (math.sqrt(5.0) - 1.0)
-# Starts of a search that are run, the ratios that all begin with, and those over what was found by
-# a second search.
-_RUNS, _RATIOS, _NEARER = 2, (0.3, 1.0, 3.0, 0.1), (1.0, 0.9, 1.1, 1.3)
+# Ratios to begin with, for the best joints with smaller and with larger ones of which a search is
+# run; every so many of the joints that the fit of the joint alone began with; and ratios over what
+# was found for a second search.
+_RATIOS, _RUNS, _EVERY, _NEARER = (0.1, 0.3, 1.0, 3.0), 2, 16, (1.0, 0.9, 1.1, 1.3)
+
 
 # Tolerances of the searches: each step takes a motion of some thousand samples.
 _ROUGH, _FINE = 1e-3, 1e-5
@@ -171,17 +173,20 @@ class CoupledFit:
     companion : Companion
         The other mode.
     problem : WithCompanion
-        What was searched.
+        What was searched, with the estimator's deviations.
     theta : (parameters,) array
         Where it ended; the last is the ratio.
+    left : float
+        Sum of squared residuals over these.
     cost : float
-        Sum of squared residuals over their deviations.
+        What the same likelihood is worth with the deviations that the joint alone is judged by.
     """
 
     force: Moved
     companion: Companion
     problem: WithCompanion
     theta: np.ndarray
+    left: float
     cost: float
 
     @property
@@ -218,10 +223,8 @@ class CoupledFit:
 
     def deviations(self) -> tuple[float, float]:
         """Of the ratio, linearised; there is no shape."""
-        found = linearised(np.asarray(slopes(self.problem, jnp.asarray(self.theta))), self.cost)
-        # Curves' deviations may hold what hits differ by, which the other mode explains.
-        misfit = self.cost / max(1, self.count - self.unknowns)
-        return float(found[-1]) * math.sqrt(min(1.0, misfit)), math.nan
+        found = linearised(np.asarray(slopes(self.problem, jnp.asarray(self.theta))), self.left)
+        return float(found[-1]), math.nan
 
 
 def fit_coupled(
@@ -232,19 +235,27 @@ def fit_coupled(
     kind: ModeKind,
     companion: Companion,
 ) -> CoupledFit | None:
-    """The joint and another mode that moves it; None where that did not move at all.
+    r"""The joint and another mode that moves it; None where that did not move at all.
+
+    Hits that another mode makes differ are taken to repeat badly by whom does not know of it: the
+    deviations :math:`s` of ``base`` hold their scatter. The other mode has to explain it within
+    the estimator's own, :math:`\sigma`, but for a common factor T. Both are Gaussian, so that
+    :math:`\sum e^2/s^2` of the joint alone is to be compared with
+
+    .. math:: \frac{1}{T}\sum\frac{e^2}{\sigma^2} + N \ln T + 2 \sum\ln\frac{\sigma}{s},
+              \qquad T = \max\left(1, \frac{1}{N}\sum\frac{e^2}{\sigma^2}\right)
 
     Parameters
     ----------
     base : ModalProblem
         The joint alone.
     own : ModalProblem
-        The same with the estimator's deviations: those of ``base`` may hold what hits differ by,
-        which is just what is to be explained.
+        The same with the estimator's deviations; ``base`` itself where these are the same.
     joint : (parameters,) array
-        Where it ended.
+        Where the joint alone ended.
     draws : (starts, parameters) array
-        Others to begin with, of which the second is taken.
+        Others to begin with: where the other mode moves the joint more than its own, the joint
+        alone ends far from the truth.
     kind : ModeKind
         What it is called.
     companion : Companion
@@ -253,14 +264,30 @@ def fit_coupled(
     problem = _with(base, companion)
     if not bool(jnp.any(problem.other > 0.0)):
         return None
-    starts = np.column_stack([[joint, joint, joint, draws[1]], _RATIOS])
-    _, theta = least_cost(problem, starts, len(starts), _RUNS, _ROUGH)
+    joints = np.concatenate([joint[None], draws[::_EVERY]])
+    starts = [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in _RATIOS]
+    _, theta = least_cost(
+        problem, np.concatenate(starts), sum(map(len, starts)), len(starts), _ROUGH
+    )
+    problem = _with(own, companion)
     starts = np.tile(theta, (len(_NEARER), 1))
     starts[:, -1] *= _NEARER
-    _, theta = least_cost(_with(own, companion), starts, len(starts), _RUNS, _FINE)
-    off = problem.compared(*_at(problem, jnp.asarray(theta), base.measured.q, problem.other))
-    cost = float(sum(jnp.sum(each**2) for each in off))
-    return CoupledFit(Moved(kind), companion, problem, theta, cost)
+    left, theta = least_cost(problem, starts, len(starts), 1, _FINE)
+    return CoupledFit(Moved(kind), companion, problem, theta, left, _worth(base, own, left))
+
+
+def _worth(base: ModalProblem, own: ModalProblem, left: float) -> float:
+    """A sum of squares over own deviations, as one over the base's."""
+    if own is base:
+        return left
+    deviations = [
+        np.concatenate([np.asarray(each.frequency_std), np.asarray(each.damping_std)])
+        for each in (own.measured, base.measured)
+    ]
+    count = len(deviations[0])
+    factor = max(1.0, left / count)
+    narrower = float(np.sum(np.log(deviations[0] / deviations[1])))
+    return left / factor + count * math.log(factor) + 2.0 * narrower
 
 
 def _with(base: ModalProblem, companion: Companion) -> WithCompanion:

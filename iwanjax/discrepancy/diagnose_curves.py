@@ -13,7 +13,7 @@ from iwanjax.discrepancy.catalogue import ForceKind, ModeKind, kinds_of
 from iwanjax.discrepancy.companion import Companion, CoupledFit, fit_coupled
 from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.observables import clear_differences
-from iwanjax.discrepancy.one_joint import Standing, best_of, concluded, estimates_of, tried
+from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of, tried
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.discrepancy.verdict import Diagnosis
@@ -135,10 +135,8 @@ def diagnose_curves(
         if fit is not None and math.isfinite(fit.cost):
             together.append(fit)
     passive: list[CurveFit | CoupledFit] = [fit for fit in found if fit not in active]
+    standing = Standing[CurveFit | CoupledFit].of(alone, [*passive, *together])
     # What another mode explains is no scatter of the hits any more.
-    closest = best_of([alone, *passive, *together])
-    trusted = _trusted(several, own) if isinstance(closest, CoupledFit) else 1.0
-    standing = Standing[CurveFit | CoupledFit].of(alone, [*passive, *together], trusted)
     explained = isinstance(standing.chosen, CoupledFit) and own
     measured = tuple(own) if explained else (*several, *others)
     before, after = (_run(fit, measured, len(several)) for fit in (alone, standing.chosen))
@@ -174,16 +172,6 @@ def _check_levels(
 def _run(fit: CurveFit | CoupledFit, measured: tuple[ModalCurves, ...], fitted: int) -> CurveRun:
     predicted = tuple(fit.predicted(each, i) for i, each in enumerate(measured))
     return CurveRun.of(measured, predicted, fitted)
-
-
-def _trusted(several: Sequence[ModalCurves], own: Sequence[ModalCurves]) -> float:
-    """Share of the curves' squared deviations that is the estimator's own."""
-    shares = [
-        np.mean((np.asarray(getattr(a, std)) / np.asarray(getattr(b, std))) ** 2)
-        for a, b in zip(own, several, strict=False)
-        for std in ("frequency_std", "damping_std")
-    ]
-    return min(1.0, float(np.mean(shares))) if shares else 1.0
 
 
 def _estimates(fit: CurveFit | CoupledFit, curves: ModalCurves) -> tuple[Estimate, ...]:

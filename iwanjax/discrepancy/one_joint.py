@@ -20,6 +20,8 @@ from iwanjax.discrepancy.verdict import Diagnosis, Errors, Run, Score, Suspect, 
 _ALIKE = 3.0
 # Error over the noise's from which on something is left unexplained.
 _UNEXPLAINED = 1.25
+# Error of held-out recordings over their deviations that uncertain parameters may account for.
+_UNFORESEEN = 2.0
 # Shapes tried, how far they go beyond those of the catalogue, how often the best is bracketed, and
 # how often a parabola then says where the best of all is.
 _SHAPES, _BEYOND, _BRACKETS, _PARABOLAS = 8, 4.0, 2, 2
@@ -276,7 +278,7 @@ class Standing(NamedTuple, Generic[Fit]):
     entries: tuple[Entry[Fit], ...]
 
     @classmethod
-    def of(cls, alone: Fit, found: Sequence[Fit], trusted: float = 1.0) -> "Standing[Fit]":
+    def of(cls, alone: Fit, found: Sequence[Fit]) -> "Standing[Fit]":
         """By evidence, the best of every kind at a place only.
 
         Parameters
@@ -285,9 +287,6 @@ class Standing(NamedTuple, Generic[Fit]):
             The joint on its own.
         found : sequence of Fit
             What may act beside it.
-        trusted : float
-            Squared residual over the deviations' square that may be believed: below 1 where
-            these hold more than the measurements' own noise.
         """
         best: dict[tuple[str, str], Fit] = {}
         for fit in found:
@@ -296,7 +295,7 @@ class Standing(NamedTuple, Generic[Fit]):
             best[what] = best_of([best.get(what, fit), fit])
         fits = [alone, *best.values()]
         first = best_of(fits)
-        temperature, tau = max(trusted, first.cost / alone.count), first.correlation()
+        temperature, tau = max(1.0, first.cost / alone.count), first.correlation()
         costs, unknowns = zip(*((each.cost, each.unknowns) for each in fits), strict=True)
         values = log_evidence(costs, unknowns, alone.count, temperature, tau)
         values[0] += INDULGENCE * alone.cost / (2.0 * temperature * tau)
@@ -374,7 +373,8 @@ def concluded(
     """
     before, after = (_errors(run.by_recording(), fitted) for run in runs)
     floor = _errors(runs[1].floors(), fitted)
-    detected, unknown = standing.detected, untried(after.fit / floor.fit)
+    unforeseen = after.hold_out / floor.hold_out / _UNFORESEEN
+    detected, unknown = standing.detected, untried(np.nanmax([after.fit / floor.fit, unforeseen]))
     what = tuple(standing.suspects(where, 1.0 - unknown, estimates)) if detected else ()
     nothing = standing.probabilities()[id(standing.alone)]
     return Diagnosis(
@@ -423,5 +423,12 @@ def _warnings(
         told.append(
             f"The fitted recordings are {ratio:.2g} times their deviations off, {rest} "
             f"(probability {unknown:.2f} that something else is missing)"
+        )
+    ratio = after.hold_out / floor.hold_out
+    if ratio > _UNFORESEEN:
+        told.append(
+            f"The held-out recordings are off by {ratio:.2g} times their deviations: either "
+            "something acts there that those fitted do not show, or the joint was fitted to the "
+            f"wrong end (probability {unknown:.2f} that something else is missing)"
         )
     return told
