@@ -24,7 +24,7 @@ from concealed.physics import Effect, Hit, measure
 from concealed.plan import scattered_joints
 from concealed.structures import STRUCTURES, Array, Iwan, Structure
 
-NOISE = 1e-3
+NOISE = 2e-4
 """Standard deviation of the sensor's noise over its peak."""
 CYCLES, LIGHT = 150, 0.1
 """Of the lowest mode that a recording is long; share of the structure's own damping that is left,
