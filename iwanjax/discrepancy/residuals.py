@@ -169,7 +169,8 @@ def correlation_time(residual: np.ndarray) -> float:
     size = 2 * flat.shape[1]
     power = np.abs(np.fft.rfft(flat, size, axis=1)) ** 2
     correlation = np.fft.irfft(power.sum(axis=(0, 2)))[: flat.shape[1] // 4]
-    if correlation[0] <= 0:
+    # Of fewer than four values none is told.
+    if correlation.size == 0 or correlation[0] <= 0:
         return 1.0
     correlation = correlation / correlation[0]
     negative = np.flatnonzero(correlation <= 0)

@@ -80,6 +80,11 @@ def test_a_run_that_broke_down_has_a_correlation_time():
     assert correlation_time(np.zeros((1, 50, 1))) == 1.0
 
 
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_curve_of_few_levels_has_a_correlation_time(count):
+    assert correlation_time(np.linspace(0.0, 1.0, 2 * count).reshape(1, count, 2)) == 1.0
+
+
 def test_a_kernel_of_one_call_computes_the_same():
     def f(x):
         return jnp.sin(x) ** 2 + jnp.exp(-x), "label"
