@@ -27,11 +27,10 @@ _SAMPLES, _CYCLES, _SETTLING, _SLIDERS = 32, 24, 6, 100
 _BLOCK = 256
 # Phase of the other mode at the start, of a turn: no simple share of one.
 _PHASE = 0.5 * (math.sqrt(5.0) - 1.0)
-# Ratios to begin with, for the best joints with smaller and with larger ones of which a search is
-# run; every so many of the joints that the fit of the joint alone began with; and ratios over what
-# was found for a second search.
-_RATIOS, _RUNS, _EVERY, _NEARER = (0.1, 0.3, 1.0, 3.0), 2, 16, (1.0, 0.9, 1.1, 1.3)
-
+# Ratios to begin with, one search from the best of some joints with each; every so many of the
+# joints that the fit of the joint alone began with; and ratios over what was found for a second
+# search.
+_RATIOS, _EVERY, _NEARER = (0.1, 0.3, 1.0, 3.0), 16, (1.0, 0.9, 1.1, 1.3)
 
 # Tolerances of the searches: each step takes a motion of some thousand samples.
 _ROUGH, _FINE = 1e-3, 1e-5
@@ -265,10 +264,10 @@ def fit_coupled(
     if not bool(jnp.any(problem.other > 0.0)):
         return None
     joints = np.concatenate([joint[None], draws[::_EVERY]])
-    starts = [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in _RATIOS]
-    _, theta = least_cost(
-        problem, np.concatenate(starts), sum(map(len, starts)), len(starts), _ROUGH
+    starts = np.concatenate(
+        [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in _RATIOS]
     )
+    _, theta = least_cost(problem, starts, len(starts), len(_RATIOS), _ROUGH)
     problem = _with(own, companion)
     starts = np.tile(theta, (len(_NEARER), 1))
     starts[:, -1] *= _NEARER

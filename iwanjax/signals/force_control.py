@@ -1,6 +1,4 @@
-"""Frequency and damping from steady vibration at held force, where every point is at its own
-amplitude.
-"""
+"""Frequency and damping from steady vibration at held force: each point at its own amplitude."""
 
 import numpy as np
 
@@ -42,9 +40,9 @@ def curves_from_force_control(
 
     with one mass, and k and h cubic splines in the logarithm of the amplitude, with knots
     where points are. All levels are fitted at once, by least squares of errors in proportion
-    to F/U. The mass shows where two frequencies
-    have one amplitude, on both sides of a resonance or at different levels. Whether the force
-    was held makes no difference to any of this. A mode apart from others is assumed.
+    to F/U. The mass shows where two frequencies have one amplitude, on both sides of a
+    resonance or at different levels. Whether the force was held makes no difference to any of
+    this. A mode apart from others is assumed.
 
     Parameters
     ----------
