@@ -342,6 +342,7 @@ def concluded(
     *,
     observables: tuple[Observable, ...],
     scores: tuple[Score, ...] = (),
+    expected: Mapping[str, float] | None = None,
     warnings: Sequence[str],
     complete: bool,
     seconds: float,
@@ -364,6 +365,9 @@ def concluded(
         Where the model before is clearly off.
     scores : tuple of Score
         What forces would explain at a glance, where that was looked at.
+    expected : mapping of str to float, optional
+        Errors that are no surprise, by recording: the noise's, unless the model's form is known
+        to be off as well.
     warnings : sequence of str
         What is odd beside the errors themselves.
     complete : bool
@@ -373,8 +377,10 @@ def concluded(
     """
     before, after = (_errors(run.by_recording(), fitted) for run in runs)
     floor = _errors(runs[1].floors(), fitted)
-    unforeseen = after.hold_out / floor.hold_out / _UNFORESEEN
-    detected, unknown = standing.detected, untried(np.nanmax([after.fit / floor.fit, unforeseen]))
+    foreseen = floor if expected is None else _errors(expected, fitted)
+    unforeseen = after.hold_out / foreseen.hold_out / _UNFORESEEN
+    detected = standing.detected
+    unknown = untried(np.nanmax([after.fit / foreseen.fit, unforeseen]))
     what = tuple(standing.suspects(where, 1.0 - unknown, estimates)) if detected else ()
     nothing = standing.probabilities()[id(standing.alone)]
     return Diagnosis(
@@ -393,7 +399,7 @@ def concluded(
         runs=runs,
         sampling_rate=math.nan,
         restoring=None,
-        warnings=(*warnings, *_warnings((before, after), floor, unknown, detected)),
+        warnings=(*warnings, *_warnings((before, after), foreseen, unknown, detected)),
         complete=complete,
         seconds=seconds,
     )
@@ -407,7 +413,7 @@ def _errors(by_recording: Mapping[str, float], fitted: int) -> Errors:
 
 
 def _warnings(
-    errors: tuple[Errors, Errors], floor: Errors, unknown: float, detected: bool
+    errors: tuple[Errors, Errors], foreseen: Errors, unknown: float, detected: bool
 ) -> list[str]:
     """What to think of the errors that are left."""
     told, (before, after) = [], errors
@@ -417,14 +423,14 @@ def _warnings(
         told.append(
             "What was added does not predict the held-out recordings better: take it as a hint"
         )
-    ratio = after.fit / floor.fit
+    ratio = after.fit / foreseen.fit
     if ratio > _UNEXPLAINED:
         rest = "also with it" if detected else "and nothing that was tried explains it"
         told.append(
             f"The fitted recordings are {ratio:.2g} times their deviations off, {rest} "
             f"(probability {unknown:.2f} that something else is missing)"
         )
-    ratio = after.hold_out / floor.hold_out
+    ratio = after.hold_out / foreseen.hold_out
     if ratio > _UNFORESEEN:
         told.append(
             f"The held-out recordings are off by {ratio:.2g} times their deviations: either "
