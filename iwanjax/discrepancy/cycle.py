@@ -44,7 +44,7 @@ def beside(kind: ForceKind, shape: float, q: np.ndarray, omega: float | np.ndarr
     Returns
     -------
     Beside
-        k_1 at all q; slope of the force at the tip, and D, at those wanted.
+        k_1 at all q; stiffness at the tips, and D, at those wanted.
     """
     return _beside(kind, jnp.asarray(shape), jnp.asarray(q), jnp.asarray(omega))
 
@@ -62,10 +62,12 @@ def _beside(kind: ForceKind, shape: Array, q: Array, omega: Array) -> Beside:
 
     sine, cosine = np.sin(phases), np.cos(phases)
     rows = (jnp.asarray(sine), jnp.asarray(cosine), jnp.asarray(np.append(0.0, sine[:-1])))
-    _, force = jax.lax.scan(step, jnp.zeros(q.shape), rows)
+    memory, force = jax.lax.scan(step, jnp.zeros(q.shape), rows)
     last = force[-_STEPS:]
     # At both ends of the cycle: a one-sided force has another slope at either.
     tip = 0.5 * (last[_STEPS // 4 - 1] - last[3 * _STEPS // 4 - 1])
+    # What remembers is taken for a Masing element's, what does not for elastic: see tip_stiffness.
+    tip = jnp.where(memory[1] == 0.0, tip[1] / q[1], (tip[2] - tip[0]) / (q[2] - q[0]))
     # What cancels over a cycle is nothing, not the rounding that is left of it.
     peak = jnp.max(jnp.abs(last), axis=0)
 
@@ -74,7 +76,7 @@ def _beside(kind: ForceKind, shape: Array, q: Array, omega: Array) -> Beside:
 
     return Beside(
         told(2.0 * jnp.einsum("s...,s->...", last, sine[-_STEPS:]) / (_STEPS * q), peak / q),
-        told((tip[2] - tip[0]) / (q[2] - q[0]), peak[1] / q[1]),
+        told(tip, peak[1] / q[1]),
         told(
             2.0 * math.pi * q[1] * jnp.einsum("s...,s->...", last[:, 1], cosine[-_STEPS:]) / _STEPS,
             peak[1] * q[1],

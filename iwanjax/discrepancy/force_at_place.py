@@ -22,7 +22,7 @@ class Force(AbstractCyclic):
     level : (curves, deflections) array
         Logarithms of the amplitudes, rising; beyond them the ends' values hold.
     unit : Beside
-        In-phase stiffness, slope at the tip, and loss over d^2, (curves, deflections) each.
+        In-phase stiffness, stiffness at the tip, and loss over d^2, (curves, deflections) each.
     size : array
         Its size.
     """
@@ -36,7 +36,7 @@ class Force(AbstractCyclic):
         return self._told(self.unit.stiffness, d)
 
     def tip(self, d: Array) -> Array:
-        """Slope of the force at the tip of the cycle."""
+        """Stiffness at the tips that a free decay shrinks by."""
         return self._told(self.unit.tip, d)
 
     def loss(self, d: Array, omega: Array) -> Array:

@@ -139,6 +139,24 @@ class AbstractJoint(eqx.Module):
         """Slope of the virgin curve at deflection d, force/length."""
         return self.law()(real(d))[1]
 
+    def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
+        r"""Stiffness at the tips that a free decay's amplitude shrinks by, force/length.
+
+        From one turn at -(d + delta/2) to the next at d - delta/2 all losses of a half cycle are
+
+        .. math:: \tfrac12 D(d) = k_{tip}\,d\,\delta .
+
+        On a Masing branch k_tip is the tangent F'(d), as of friction beside a spring: the spring
+        alone. Of an elastic force it is the secant F(d)/d: the energy at the tip falls by the
+        force there.
+
+        Parameters
+        ----------
+        d : array_like
+            Amplitude, length.
+        """
+        return self.tangent(jnp.abs(real(d)))
+
     def harmonic_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
         r"""In-phase first-harmonic stiffness of the steady cycle d cos(t).
 

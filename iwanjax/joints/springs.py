@@ -29,6 +29,10 @@ class AbstractSpring(AbstractJoint):
         """Zero."""
         return jnp.zeros_like(self.backbone(d))
 
+    def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
+        """The secant: all that is stored at a tip is given back."""
+        return self.secant(d)
+
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """The spring's force: loading and unloading coincide."""
         return self.backbone(d)

@@ -24,7 +24,8 @@ class Beside(NamedTuple):
     stiffness : (3, ...) array
         In-phase first harmonic at the amplitudes of :func:`about`.
     tip : (...) array
-        Slope of its force at the tip of the cycle.
+        Stiffness at the tips that a free decay shrinks by
+        (:meth:`iwanjax.joints.AbstractJoint.tip_stiffness`).
     loss : (...) array
         What it dissipates in a cycle.
     """
@@ -137,8 +138,9 @@ class ModalOscillator(eqx.Module):
 
         From half cycle to half cycle a Masing loop whose tip force is F(q) shrinks by
         :math:`\delta` with :math:`\delta\,q\,F'(q) = D/2`: the envelope decays by the tangent
-        at the tip where (2.13) has the secant. On the acceleration's envelope, to which
-        ringdown converts,
+        at the tip where (2.13) has the secant. An elastic force counts with its own secant:
+        :meth:`~iwanjax.joints.AbstractJoint.tip_stiffness`. On the acceleration's envelope, to
+        which ringdown converts,
 
         .. math:: \zeta = \frac{D + 2\pi\zeta_0\omega_0\omega q^2}
                   {2\pi q^2 [K_\infty + \hat F'(q)]}
@@ -158,7 +160,7 @@ class ModalOscillator(eqx.Module):
         # A difference costs one wider evaluation; a derivative in q would be a second one
         # wherever a fit takes its own, and half a minute to compile.
         omega2 = self.K_inf + self.joint.harmonic_stiffness(about(q))
-        at_tip = self.K_inf + self.joint.tangent(q)
+        at_tip = self.K_inf + self.joint.tip_stiffness(q)
         if further is not None:
             omega2, at_tip = omega2 + further.stiffness, at_tip + further.tip
         slope = jnp.log(omega2[2] / omega2[0]) / (4.0 * _STEP)

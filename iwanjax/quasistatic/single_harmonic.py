@@ -27,7 +27,7 @@ class AbstractCyclic(eqx.Module):
 
     @abc.abstractmethod
     def tip(self, d: Array) -> Array:
-        """Slope of the force at the tip of the cycle."""
+        """Stiffness at the tips that a free decay shrinks by."""
 
     @abc.abstractmethod
     def loss(self, d: Array, omega: Array) -> Array:
@@ -44,8 +44,8 @@ class OfJoint(AbstractCyclic):
         return self.joint.harmonic_stiffness(d)
 
     def tip(self, d: Array) -> Array:
-        """Slope of the force at the tip of the cycle."""
-        return self.joint.tangent(jnp.abs(d))
+        """Stiffness at the tips that a free decay shrinks by."""
+        return self.joint.tip_stiffness(d)
 
     def loss(self, d: Array, omega: Array) -> Array:
         """Energy that it takes from a cycle."""

@@ -63,7 +63,7 @@ def test_a_cycle_is_that_of_the_element(name):
     loss = np.asarray(element.dissipation(Q, omega=omega))
     np.testing.assert_allclose(unit.loss, loss, rtol=1e-2, atol=1e-9 * np.max(scale * Q**2))
     if name != "coulomb_friction":  # whose slope at the tip jumps where it starts to slip
-        np.testing.assert_allclose(unit.tip, element.tangent(Q), rtol=1e-2, atol=1e-6)
+        np.testing.assert_allclose(unit.tip, element.tip_stiffness(Q), rtol=1e-2, atol=1e-6)
 
 
 def test_forces_that_are_the_modes_own_are_not_seen():
