@@ -140,20 +140,26 @@ class AbstractJoint(eqx.Module):
         return self.law()(real(d))[1]
 
     def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
-        r"""Stiffness at the tips that a free decay's amplitude shrinks by, force/length.
+        r"""Stiffness at the tips that a free decay's amplitude shrinks by.
 
-        From one turn at -(d + delta/2) to the next at d - delta/2 all losses of a half cycle are
+        Between two turns, at -(d + delta/2) and d - delta/2, where nothing moves, the springs
+        give back what is lost. On Masing branches and in an elastic force G that is
 
-        .. math:: \tfrac12 D(d) = k_{tip}\,d\,\delta .
+        .. math:: \tfrac12 D(d) = \left[d\,F'(d) + G(d)\right]\delta = k_{tip}\,d\,\delta
 
-        On a Masing branch k_tip is the tangent F'(d), as of friction beside a spring: the spring
-        alone. Of an elastic force it is the secant F(d)/d: the energy at the tip falls by the
-        force there.
+        whatever delta is for the one and to its square for the other: the tangent of a Masing
+        element (for friction beside a spring the spring alone), the secant of an elastic one.
+        From the energy balance, with Masing's branch :math:`2F((x + q)/2) - F(q)`; no source.
 
         Parameters
         ----------
         d : array_like
             Amplitude, length.
+
+        Returns
+        -------
+        array
+            Force/length; by default the tangent, as for a Masing element.
         """
         return self.tangent(jnp.abs(real(d)))
 

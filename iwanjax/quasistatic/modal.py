@@ -138,12 +138,12 @@ class ModalOscillator(eqx.Module):
 
         From half cycle to half cycle a Masing loop whose tip force is F(q) shrinks by
         :math:`\delta` with :math:`\delta\,q\,F'(q) = D/2`: the envelope decays by the tangent
-        at the tip where (2.13) has the secant. An elastic force counts with its own secant:
-        :meth:`~iwanjax.joints.AbstractJoint.tip_stiffness`. On the acceleration's envelope, to
-        which ringdown converts,
+        at the tip where (2.13) has the secant. An elastic force counts with its own secant; of
+        either k_tip is the :meth:`~iwanjax.joints.AbstractJoint.tip_stiffness`. On the
+        acceleration's envelope, to which ringdown converts,
 
         .. math:: \zeta = \frac{D + 2\pi\zeta_0\omega_0\omega q^2}
-                  {2\pi q^2 [K_\infty + \hat F'(q)]}
+                  {2\pi q^2 [K_\infty + \hat k_{tip}(q)]}
                   \left(1 + 2\frac{\mathrm{d}\ln\omega}{\mathrm{d}\ln q}\right),
 
         which is (2.13) to a tenth of that derivative in microslip (0.05 per cent, say), and one
