@@ -39,6 +39,7 @@ from iwanjax.discrepancy.rounds import (
 )
 from iwanjax.discrepancy.screen import Candidate
 from iwanjax.discrepancy.search import Search, Start, Variant
+from iwanjax.discrepancy.suspicion import shrunk
 from iwanjax.discrepancy.verdict import Score
 
 # Memories of the observer to polish with, in cycles.
@@ -49,15 +50,17 @@ _ROUGH = 1e-2
 # memory to begin with.
 _STARTS = 4
 _RESTARTED, _RESTARTS, _SHORTEST = 2, 8, 1.0
-# Squared residual over the noise's from which on a suspect may sit in a local minimum of them.
-_ELSEWHERE = 1.5
-# Hypotheses that are refitted with a memory of two, eight and thirty cycles.
+# Hypotheses that are refitted with a memory of two, eight and thirty cycles; the first ones of all
+# screenings: what is missing was among the first two of either.
 _FIRST, _SECOND, _THIRD = 12, 6, 3
 # Of the first how many go on after a few steps: in 25 of 27 cases the later winner led by then,
 # in the others it was second or third.
 _FIELD = 8
-# Times the best cost until which the nominal model may catch up with its best rival.
+# Times the best cost until which the nominal model may catch up with its best rival, and a start
+# with the nominal model.
 _OUT_OF_SIGHT = 100.0
+# Shares of the size foreseen that are begun with, until the model withstands one.
+_SMALLER = (1.0, 0.1, 0.01)
 # Drop of the first in a screening from which on no other screening is needed.
 _CLEAR = 0.8
 # Squared residual over the noise's from which on the joints as given are looked from as well.
@@ -130,7 +133,9 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         both.append(screened(search, fit_all(search, [given], SHORT, 0)[0], grounds))
     grounds.progress("refitting suspects")
     shorts = _first(search, nominal, both, grounds)
-    near = [e for e in shorts[:_SECOND] if e.fitted.cost < RACE * shorts[0].fitted.cost]
+    explained = bool(shorts) and shorts[0].fitted.cost < _FAR * left_by_noise(search)
+    within = _FAR if explained else RACE
+    near = [e for e in shorts[:_SECOND] if e.fitted.cost < within * shorts[0].fitted.cost]
     entries = again(near, shorts[len(near) :], MIDDLE, grounds)
     if least(nominal, entries).cost > _FAR * left_by_noise(search):
         entries = probed(search, shorts, entries, [c for each in both for c in each], grounds)
@@ -270,11 +275,12 @@ def _first(
         for rank, c in enumerate(candidates):
             hypothesis = c.start.hypothesis
             rival = hypothesis.where[-1] == best or hypothesis.drifting is not None
-            if c.drop > _HOPELESS * candidates[0].drop and (rank < _FIRST or rival):
+            ahead = rank < _FIRST // len(promising)
+            if c.drop > _HOPELESS * candidates[0].drop and (ahead or rival):
                 chosen.setdefault(hypothesis.variant, []).extend(_starts(search, c, far))
     found = fit_all(
         search,
-        _begun(search, list(chosen.values())),
+        _begun(search, nominal, list(chosen.values())),
         SHORT,
         STEPS,
         tolerance=_ROUGH,
@@ -292,13 +298,26 @@ def _starts(search: Search, candidate: Candidate, far: bool) -> list[Start]:
     return [start, given] if far else [start]
 
 
-def _begun(search: Search, choices: Sequence[Sequence[Start]]) -> list[Start]:
-    """For each hypothesis the best of its starts."""
-    lanes = [(s.hypothesis, search.still(s.common)) for starts in choices for s in starts]
-    if len(lanes) == len(choices):
-        return [starts[0] for starts in choices]
-    costs = iter([float(np.sum(e**2)) for e in glance(search, lanes, SHORT)])
-    return [min(starts, key=lambda _: next(costs)) for starts in choices]
+def _begun(search: Search, nominal: Fitted, choices: Sequence[Sequence[Start]]) -> list[Start]:
+    """For each hypothesis the best of its starts, smaller ones where the model breaks down there.
+
+    About joints that are bent to explain something else, a size may be foreseen that no search
+    comes back from.
+    """
+    begun: dict[int, Start] = {}
+    for share in _SMALLER:
+        lanes = [
+            (i, shrunk(search, start, share))
+            for i, starts in enumerate(choices)
+            if i not in begun
+            for start in starts
+        ]
+        seen = glance(search, [(s.hypothesis, search.still(s.common)) for _, s in lanes], SHORT)
+        costs = [float(np.sum(e**2)) for e in seen]
+        for cost, (i, start) in sorted(zip(costs, lanes, strict=True), key=lambda each: each[0]):
+            if cost < _OUT_OF_SIGHT * nominal.cost:
+                begun.setdefault(i, start)
+    return [begun[i] for i in sorted(begun)]
 
 
 def _restarted(
@@ -316,7 +335,7 @@ def _restarted(
     takes the best one only, and all starts whether or not the first of them agree.
     """
     best = least(nominal, entries)
-    if best.cost < _ELSEWHERE * left_by_noise(search) or not entries:
+    if best.cost < MISFIT * left_by_noise(search) or not entries:
         return entries
     grounds.progress("refitting the best suspects from other joints")
     random = np.random.default_rng(seed)
@@ -324,7 +343,7 @@ def _restarted(
     found, shortest = list(entries), math.inf
     for i, entry in enumerate(entries[: 1 if everywhere else _RESTARTED]):
         start = entry.fitted.start
-        hopeless = entry.fitted.cost > RACE * best.cost or entry.search is not search
+        hopeless = entry.fitted.cost > _FAR * best.cost or entry.search is not search
         if hopeless or not grounds.in_time():
             continue
         draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]

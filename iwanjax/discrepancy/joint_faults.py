@@ -42,6 +42,9 @@ _JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
 _ELSEWHERE = 4
 # Pairs of suspects in which a joint may stand for one.
 _PAIRS = 2
+# Squared residual over the noise's from which on a force explains too little on its own, and how
+# many times a joint that sticks beside it has to lessen what is more than noise.
+_FAR, _FALL = 3.0, 3.0
 # Times the best cost with a short memory from which on a joint's fault is fitted no further.
 _AHEAD = 1.3
 _LIKE_A_JOINT = {"viscoelastic", "coulomb_friction", "stiffness_error"}
@@ -102,7 +105,27 @@ def with_joint_faults(
     limits = limited(search, nominal, best.cost, SHORT)
     found = _beside_another(search, pairs[:_PAIRS], limits, grounds)
     found += stuck(search, nominal, limits, grounds) if left else []
+    single = _explaining_too_little(search, best, found)
+    if single is not None:
+        found += _beside_stiction(search, single, limits, grounds)
     return _compared(shorts, entries, found, grounds)
+
+
+def _explaining_too_little(search: Search, best: Fitted, found: Sequence[Entry]) -> Fitted | None:
+    """The best suspect, if it is one force that leaves much, and so do all joints' faults."""
+    kinds, much = best.hypothesis.kinds, _FAR * left_by_noise(search)
+    single = len(kinds) == 1 and isinstance(kinds[0], ForceKind)
+    return best if single and min([best.cost, *map(cost_of, found)]) > much else None
+
+
+def _beside_stiction(
+    search: Search, single: Fitted, limits: Limits, grounds: Grounds
+) -> list[Entry]:
+    """A joint that sticks beside a force, where it takes most of what the force leaves."""
+    (short,) = fit_all(search, [single.start], SHORT, STEPS, in_time=grounds.in_time) or [single]
+    noise = left_by_noise(search)
+    pairs = stuck(search, short, Limits(short.cost, limits.worth), grounds, beside=short.start)
+    return [each for each in pairs if _FALL * (cost_of(each) - noise) < short.cost - noise]
 
 
 def _compared(
@@ -117,7 +140,12 @@ def _compared(
 
 
 def stuck(
-    search: Search, nominal: Fitted, limits: Limits, grounds: Grounds, cycles: float = SHORT
+    search: Search,
+    nominal: Fitted,
+    limits: Limits,
+    grounds: Grounds,
+    cycles: float = SHORT,
+    beside: Start | None = None,
 ) -> list[Entry]:
     """Stiction of every joint, where it promises something.
 
@@ -133,10 +161,12 @@ def stuck(
         What may be suspected.
     cycles : float
         Memory of the observer.
+    beside : Start, optional
+        A suspect that acts as well.
     """
     z = nominal.theta.mean(axis=0)[: search.parameters]
     made = [
-        suspicion.with_stiction(search, kind, j, label, _THETAS, z)
+        suspicion.with_stiction(search, kind, j, label, _THETAS, z, beside)
         for kind in grounds.kinds
         if isinstance(kind, JointKind) and kind.name == "stiction"
         for j, label in enumerate(grounds.joints)

@@ -57,6 +57,19 @@ def force(
     return Start(hypothesis, np.concatenate([z, [begin, math.log(shape)]]))
 
 
+def shrunk(search: Search, start: Start, share: float) -> Start:
+    """The same with a share of every size that is fitted."""
+    theta = start.theta.copy()
+    logarithmic = np.asarray(start.hypothesis.suspects.logarithmic) > 0
+    for slot, fitted in enumerate(start.hypothesis.sizes):
+        at = search.parameters + 2 * slot
+        if fitted and logarithmic[slot]:
+            theta[..., at] += math.log(share)
+        elif fitted:
+            theta[..., at] *= share
+    return Start(start.hypothesis, theta)
+
+
 def sensor(
     search: Search, kind: SensorKind, which: int, label: str, z: np.ndarray, size: float
 ) -> Start:
@@ -140,10 +153,11 @@ def with_stiction(
     label: str,
     thetas: Sequence[float],
     z: np.ndarray,
+    beside: Start | None = None,
 ) -> tuple[Search, list[Start]]:
     """A joint whose kinetic friction is theta of the static one, and the search it takes.
 
-    The joint comes first, so that one compiled kernel serves all of them.
+    Alone or beside a suspect. The joint comes first, so that one compiled kernel serves all.
     """
     order = [joint, *(i for i in range(len(search.joints)) if i != joint)]
     given = search.joints[joint].given
@@ -166,7 +180,10 @@ def with_stiction(
         strength = float(values["F_S"]) / theta
         own = np.append(parts[joint], 0.0) + located(stuck, {"F_S": strength, "theta": theta})
         moved = np.concatenate([own, *(parts[i] for i in order[1:])])
-        starts.append(_as_nothing(other, kind, label, moved))
+        start = _as_nothing(other, kind, label, moved)
+        if beside is not None:
+            start = joined(other, [start, _moved(beside, search.parameters, moved)])
+        starts.append(start)
     return other, starts
 
 

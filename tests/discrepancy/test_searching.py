@@ -31,7 +31,7 @@ from iwanjax.discrepancy.rounds import MIDDLE, STEPS, Entry, Grounds, screened, 
 from iwanjax.discrepancy.search import Hypothesis, Search, Start
 from iwanjax.discrepancy.sensitivity import Joint
 from iwanjax.discrepancy.suspects import Suspects
-from iwanjax.discrepancy.suspicion import Guess, force, with_joint
+from iwanjax.discrepancy.suspicion import Guess, force, with_joint, with_stiction
 
 NOTHING = Hypothesis(
     (),
@@ -247,6 +247,47 @@ def test_a_joint_goes_on_alone_from_where_it_is_beside_another():
     assert alone.fitted.hypothesis.label == "iwan_joint@J1"
     assert alone.search is own
     assert alone.fitted.cost < 1.02 * pair.fitted.cost
+
+
+def test_a_size_that_no_run_survives_is_begun_with_smaller():
+    search, grounds = searching(struck(lambda d: 8e3 * d))
+    nominal = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
+    row, z = np.asarray(grounds.places[0].row), np.zeros(4)
+
+    def spring(size: float) -> Start:
+        return force(search, CATALOGUE["stiffness_error"][0], "J1", row, z, size, 1.0)
+
+    def cost(start: Start) -> float:
+        (seen,) = glance(search, [(start.hypothesis, search.still(start.theta))], SHORT)
+        return float(np.sum(seen**2))
+
+    edge = next(k for k in 8e3 * 2.0 ** np.arange(40) if cost(spring(k)) > 100.0 * nominal.cost)
+    for size, share in ((8e3, 1.0), (2.0 * edge, 0.1), (20.0 * edge, 0.01)):
+        (begun,) = competition._begun(search, nominal, [[spring(size)]])
+        assert begun.theta[4] == pytest.approx(share)
+    # The best of a hypothesis's own starts; none where none is survived.
+    good, far, lost = spring(8e3), spring(2.0 * edge), spring(1e3 * edge)
+    (begun,) = competition._begun(search, nominal, [[far, good], [lost]])
+    assert begun.theta[4] == good.theta[4]
+    assert begun.hypothesis is good.hypothesis
+
+
+def test_a_joint_that_does_not_stick_beside_a_force_changes_nothing():
+    joint = ij.Iwan4(F_S=12.0, K_T=3e4, chi=-0.5, beta=1.5)
+    tight, grounds = searching(struck(lambda d: 8e3 * d), joint)
+    search = replace(tight, joints=(Joint(joint, jnp.ones(4)),))
+    row, z = np.asarray(grounds.places[0].row), np.array([0.3, -0.2, 0.1, 0.0])
+    spring = force(search, CATALOGUE["stiffness_error"][0], "J1", row, z, 8e3, 1.0)
+    sticking = CATALOGUE["stiction"][0]
+    own, (free, stuck) = with_stiction(search, sticking, 0, "J1", (0.9999, 0.6), z, spring)
+    assert free.hypothesis.label == "stiction@J1 + stiffness_error@J1"
+    (alone,) = glance(search, [(spring.hypothesis, search.still(spring.theta))], SHORT)
+    none, some = glance(own, [(s.hypothesis, own.still(s.theta)) for s in (free, stuck)], SHORT)
+    whole = np.linalg.norm(np.asarray(search.data.weight * search.data.response))
+    off, much = (np.linalg.norm(x - alone) / whole for x in (none, some))
+    # Sliders stand for the closed form of a joint that does not stick.
+    assert off < 0.02
+    assert much > 5.0 * off
 
 
 def test_a_spring_is_found_behind_what_has_it_for_a_limit():
