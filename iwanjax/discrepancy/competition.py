@@ -158,7 +158,7 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         entries = with_joints_left_out(search, nominal, shorts, entries, candidates, grounds)
     entries = with_joint_faults(search, nominal, shorts, entries, grounds)
     base, entries = ranked(base, entries)
-    if entries and least(base.fitted, entries).cost > _FAR * left_by_noise(search):
+    if entries and _lost(search, base.fitted, entries):
         # Nothing that was tried explains all: ends that agreed may all have been the wrong one.
         entries = _restarted(search, base.fitted, entries, grounds, seed + 1, everywhere=True)
         base = replace(base, fitted=_renominated(search, base.fitted, entries, grounds))
@@ -207,6 +207,12 @@ def _moved(entries: Sequence[Entry], search: Search) -> list[Entry]:
     return [replace(e, search=moved[id(e.search)]) for e in entries]
 
 
+def _lost(search: Search, nominal: Fitted, entries: Sequence[Entry]) -> bool:
+    """Whether much is left, or a fault of a joint leaves something: that had one start only."""
+    enough = _FAR if entries[0].search is search else MISFIT
+    return least(nominal, entries).cost > enough * left_by_noise(search)
+
+
 def _in_a_joint(search: Search, best: Fitted, entries: Sequence[Entry]) -> bool:
     """Whether a joint left out alone explains all, so that nobody need look for two others."""
     joint = any(e.fitted is best and e.search is not search for e in entries)
@@ -251,6 +257,9 @@ def _nominal(search: Search, grounds: Grounds, seed: int) -> Fitted:
     ]
     found = fit_all(search, starts, SHORT, STEPS, race=RACE, in_time=grounds.in_time)
     starts = _ends(sorted(found, key=lambda each: each.cost))
+    if min(each.cost for each in found) > _FAR * left_by_noise(search):
+        # Bent to explain something else, one way or the other.
+        starts = starts[:1]
     found = fit_all(search, starts, MIDDLE, STEPS, race=RACE, in_time=grounds.in_time)
     best = min(found, key=lambda each: each.cost)
     return settled(search, best, grounds) if best.cost < _FAR * left_by_noise(search) else best
@@ -339,22 +348,21 @@ def _restarted(
         return entries
     grounds.progress("refitting the best suspects from other joints")
     random = np.random.default_rng(seed)
-    p = search.parameters
     found, shortest = list(entries), math.inf
     for i, entry in enumerate(entries[: 1 if everywhere else _RESTARTED]):
-        start = entry.fitted.start
-        hopeless = entry.fitted.cost > _FAR * best.cost or entry.search is not search
-        if hopeless or not grounds.in_time():
+        start, own = entry.fitted.start, entry.search
+        if entry.fitted.cost > _FAR * best.cost or not grounds.in_time():
             continue
+        p = own.parameters
         draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
         starts = [Start(start.hypothesis, np.concatenate([z, start.common[p:]])) for z in draws]
-        fits = _scattered(search, starts, shortest, grounds, everywhere)
+        fits = _scattered(own, starts, shortest, grounds, everywhere)
         if fits[0].cost > _FAR * shortest:
             continue
         shortest = min(shortest, fits[0].cost)
         for cycles in (SHORT, MIDDLE):
             fits = fit_all(
-                search,
+                own,
                 _ends(fits),
                 cycles,
                 STEPS,
