@@ -325,8 +325,12 @@ SETS = {
         *_set(_drawn(13, 34, 6), DRAWN_EMPTY, 13, range(505, 565)),
         *_set(_drawn_in("brake_reuss", 14, 5), (), 14, range(565, 570)),
     ],
+    "eleventh": [
+        *_set(_drawn(15, 34, 6), DRAWN_EMPTY, 15, range(570, 630)),
+        *_set(_drawn_in("brake_reuss", 16, 5), (), 16, range(630, 635)),
+    ],
 }
-"""Cases of each set: for development, then nine that were held back until they were opened."""
+"""Cases of each set: for development, then ten that were held back until they were opened."""
 
 
 def plan() -> tuple[Case, ...]:
