@@ -378,6 +378,41 @@ def test_ends_that_agree_are_taken_for_all_but_not_where_nothing_explains_the_re
     assert len(asked) == tried
 
 
+@pytest.mark.parametrize(
+    ("left", "of_a_joint", "lost"), [(1.1, True, False), (1.5, True, True), (1.5, False, False)]
+)
+def test_a_fault_of_a_joint_that_leaves_something_is_tried_from_other_joints(
+    monkeypatch, left, of_a_joint, lost
+):
+    """By its own search: it has other joints, and more values, than the one for all others."""
+    tight, grounds = searching(struck(lambda d: 8e3 * d))
+    own, starts = with_stiction(tight, CATALOGUE["stiction"][0], 0, "J1", (0.7,), np.zeros(4))
+    noise = competition.left_by_noise(tight)
+    nominal = SimpleNamespace(hypothesis=tight.nothing(), cost=9.0 * noise, cycles=MIDDLE)
+    suspect = SimpleNamespace(
+        hypothesis=starts[0].hypothesis, cost=left * noise, start=starts[0], cycles=MIDDLE
+    )
+    entry = Entry(own if of_a_joint else tight, suspect)
+    assert competition._lost(tight, nominal, [entry]) == lost
+    asked = []
+
+    def ends(search, starts, *_, **__):
+        asked.append((search, {start.theta.shape for start in starts}))
+        return [
+            SimpleNamespace(
+                hypothesis=start.hypothesis, cost=noise, residual=np.ones(1), start=start
+            )
+            for start in starts
+        ]
+
+    monkeypatch.setattr(competition, "fit_all", ends)
+    if lost:
+        (found,) = competition._restarted(tight, nominal, [entry], grounds, 0, everywhere=True)
+        assert found.search is own
+        assert found.fitted.cost == noise
+        assert all(search is own and shapes == {(7,)} for search, shapes in asked)
+
+
 def test_searches_that_have_come_to_the_same_go_on_as_one():
     search, grounds = searching(struck(lambda d: 8e3 * d))
     (place,), (spring,) = grounds.places, CATALOGUE["stiffness_error"]
