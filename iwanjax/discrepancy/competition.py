@@ -51,7 +51,7 @@ _ROUGH = 1e-2
 _STARTS = 4
 _RESTARTED, _RESTARTS, _SHORTEST = 2, 8, 1.0
 # Hypotheses that are refitted with a memory of two, eight and thirty cycles; the first ones of all
-# screenings: what is missing was among the first two of either.
+# screenings: what is missing was among the first five of one.
 _FIRST, _SECOND, _THIRD = 12, 6, 3
 # Of the first how many go on after a few steps: in 25 of 27 cases the later winner led by then,
 # in the others it was second or third.
