@@ -122,7 +122,7 @@ def _beside_stiction(
     search: Search, single: Fitted, limits: Limits, grounds: Grounds
 ) -> list[Entry]:
     """A joint that sticks beside a force, where it takes most of what the force leaves."""
-    (short,) = fit_all(search, [single.start], SHORT, STEPS, in_time=grounds.in_time) or [single]
+    (short,) = fit_all(search, [single.start], SHORT, STEPS, in_time=grounds.in_time)
     noise = left_by_noise(search)
     pairs = stuck(search, short, Limits(short.cost, limits.worth), grounds, beside=short.start)
     return [each for each in pairs if _FALL * (cost_of(each) - noise) < short.cost - noise]
