@@ -4,7 +4,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from iwanjax.curves import ModalCurves
-from iwanjax.errors import InputError, IwanjaxError, PrecisionError
+from iwanjax.errors import AccuracyError, InputError, IwanjaxError, PrecisionError
 from iwanjax.joints import (
     AbstractJoint,
     BilinearSpring,
@@ -231,6 +231,7 @@ _LATER = {
 
 __all__ = [
     "AbstractJoint",
+    "AccuracyError",
     "AffineStructure",
     "BilinearSpring",
     "Channel",

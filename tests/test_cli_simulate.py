@@ -422,3 +422,27 @@ def test_nothing_is_left_half_written(study, tmp_path, monkeypatch):
     assert result.exit_code == 2
     assert "No space left" in result.stderr
     assert list(out.iterdir()) == []
+
+
+def test_a_step_that_is_too_long_is_shortened_or_refused(study, tmp_path):
+    # 3.6 s is a period of the fastest mode; the blow's samples are straight lines all the same.
+    longer = STUDY.replace("dt: 0.05", "dt: 1.8").replace("duration: 6", "duration: 216")
+    longer = longer.replace("p: 50, omega: 1.744", "p: 5000, omega: 0.4")
+    result, told, _ = simulated(study(longer), tmp_path / "out")
+    (case,) = told["cases"]
+    assert case["refined"] > 1
+    assert case["dt"] == pytest.approx(1.8 / case["refined"])
+    assert case["estimated_error"] <= 0.01
+    assert case["energy_imbalance"] <= 0.01
+    assert f"was divided by {case['refined']}" in result.stdout
+    hopeless = longer.replace("dt: 1.8", "dt: 400").replace("duration: 216", "duration: 48000")
+    hopeless = hopeless.replace("omega: 0.4", "omega: 0.0018")
+    result = run(study(hopeless), tmp_path / "none")
+    assert result.exit_code == 2
+    assert "study.yaml:4: simulate[0]" in result.stderr
+    assert "try steps of" in result.stderr
+    assert not (tmp_path / "none").exists()
+    # On request it may be had, unjudged.
+    asked = hopeless.replace("dt: 400", "dt: 400\n    accuracy: null")
+    result, told, _ = simulated(study(asked), tmp_path / "asked")
+    assert told["cases"][0]["estimated_error"] is None

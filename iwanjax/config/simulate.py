@@ -9,15 +9,16 @@ from pydantic import Field, PlainValidator, TypeAdapter, WrapValidator, model_va
 from iwanjax.config.faults import fault, one_of
 from iwanjax.config.section import CONFIG, Count, Index, OneOrMore, Positive, Section
 from iwanjax.dynamics.excitations import Sweep
+from iwanjax.dynamics.integration import Quantity
 from iwanjax.dynamics.propagator import Method
-from iwanjax.dynamics.transient import Quantity
+from iwanjax.dynamics.transient import ACCURACY
 from iwanjax.joints.sliders import SLIDERS
 
 # A mistaken dt or duration would ask for more than any memory holds.
 _MOST_STEPS = 100_000_000
 _KEEP: tuple[Quantity, ...] = get_args(Quantity)
 # What means nothing for a joint that is driven on its own.
-_OF_A_STRUCTURE = ("method", "sensors", "keep", "every", "substeps", "modes")
+_OF_A_STRUCTURE = ("method", "sensors", "keep", "every", "substeps", "modes", "accuracy")
 
 _FLOAT = TypeAdapter(float, config=CONFIG)
 _ROW = TypeAdapter(tuple[float, ...], config=CONFIG)
@@ -199,7 +200,7 @@ class SimulateSection(Section):
         Steps and one, instead of a duration; a recording has its own.
     method : {"exact", "newmark"}
         Of integration.
-    every, substeps, modes, sliders
+    every, substeps, modes, sliders, accuracy
         As for :func:`iwanjax.simulate`.
     values : dict of str to float
         Parameters of joints that differ from the model's in this case, as J1.theta.
@@ -224,6 +225,7 @@ class SimulateSection(Section):
     substeps: Count = 1
     modes: Count | None = None
     sliders: Annotated[int, Field(ge=3)] = SLIDERS
+    accuracy: Positive | None = ACCURACY
     values: dict[str, float] = Field(default_factory=dict)
     excitation: Annotated[Excitation | None, PlainValidator(_excitation)] = None
     drive: Drive | None = None

@@ -1,6 +1,7 @@
 """Dynamics: jointed structures in time."""
 
 from iwanjax.dynamics.decays import ModalDecays, modal_decays
+from iwanjax.dynamics.energy import Energies
 from iwanjax.dynamics.excitations import (
     base_input,
     half_sine,
@@ -16,7 +17,7 @@ from iwanjax.dynamics.steady_state import (
     controlled_response,
     harmonic_response,
 )
-from iwanjax.dynamics.transient import Energies, Transient, simulate
+from iwanjax.dynamics.transient import Transient, simulate
 
 __all__ = [
     "Energies",

@@ -79,6 +79,17 @@ class Joints(eqx.Module):
             for group, places, state in zip(self.groups, self.order, states, strict=True)
         )
 
+    @property
+    def remember(self) -> Bool[Array, " joints"]:
+        """Which joints follow another branch after each turn, whatever its rate."""
+        kinds = [
+            bool(jax.tree.leaves(group.init())) and not group.rate_dependent
+            for group in self.groups
+        ]
+        return self._merged(
+            [jnp.full(len(p), kind) for kind, p in zip(kinds, self.order, strict=True)]
+        )
+
     def energy(self, d: Array, states: tuple[Any, ...]) -> Array:
         """Energy stored in each joint, (joints,)."""
         return self._merged(
@@ -176,7 +187,7 @@ def balance(guess: Float[Array, " joints"], end: StepEnd) -> Float[Array, " join
         size = jnp.max(jnp.abs(r))
         scale = jnp.max(jnp.abs(elastic) + jnp.abs(reaction.force))
         better = (size < trial.size) | stuck
-        newton = _solved(end, reaction, -r)
+        newton = solved(end, reaction, -r)
         return _Trial(
             jnp.where(better, g, trial.g),
             jnp.where(better, r, trial.residual),
@@ -205,11 +216,11 @@ def _balance_jvp(primals: Any, tangents: Any) -> tuple[Array, Array]:
     (guess, end), (_, d_end) = primals, tangents
     g = balance(guess, end)
     moved = eqx.filter_jvp(lambda e: e.residual(g), (end,), (d_end,))[1]
-    return g, -_solved(end, end.react(g), moved)
+    return g, -solved(end, end.react(g), moved)
 
 
-def _solved(end: StepEnd, reaction: Reaction, right: Array) -> Array:
-    """The residual's derivative inverted: I - diag(K_ref - K) G + diag(C) H."""
+def solved(end: StepEnd, reaction: Reaction, right: Array) -> Array:
+    """Solve with the residual's derivative, I - diag(K_ref - K) G + diag(C) H."""
     softer = (end.stiffness - reaction.stiffness)[:, None] * end.G
     J = jnp.eye(right.shape[0]) - softer + reaction.damping[:, None] * end.H
     m = right.shape[0]

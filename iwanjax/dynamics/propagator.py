@@ -42,6 +42,13 @@ class Propagator(NamedTuple):
             _on(self.vq, q) + _on(self.vv, v) + _on(self.v0, p_0) + _on(self.v1, p_1),
         )
 
+    def first(self, q: Array, v: Array, p_0: Array) -> tuple[Array, Array]:
+        """The same with no modal forces at the end of the step."""
+        return (
+            _on(self.qq, q) + _on(self.qv, v) + _on(self.q0, p_0),
+            _on(self.vq, q) + _on(self.vv, v) + _on(self.v0, p_0),
+        )
+
     def last(self, p: Array) -> tuple[Array, Array]:
         """What modal forces (modes, ...) at the end of the step alone would do."""
         return _on(self.q1, p), _on(self.v1, p)

@@ -1,74 +1,40 @@
 """The response of a jointed structure in time."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import get_args
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.dynamics.balance import Joints, StepEnd, balance
-from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
-from iwanjax.dynamics.propagator import Method, Propagator, propagator
-from iwanjax.errors import InputError
-from iwanjax.joints import AbstractJoint
+from iwanjax.dynamics.coordinates import modal_coordinates
+from iwanjax.dynamics.energy import Energies, accounts
+from iwanjax.dynamics.error_estimate import group_size
+from iwanjax.dynamics.integration import Options, Quantity, Run, run
+from iwanjax.dynamics.propagator import Method
+from iwanjax.dynamics.stepping import has_fast_modes
+from iwanjax.errors import AccuracyError, InputError
 from iwanjax.joints.sliders import SLIDERS
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, as_real, is_traced, require_double_precision
 
-Quantity: TypeAlias = Literal[
-    "displacement", "velocity", "acceleration", "joint_force", "joint_deflection", "energy"
-]
-"""What a simulation may keep."""
-
 QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration", "joint_force")
 """What it keeps unless told otherwise."""
 
+ACCURACY = 0.01
+"""Error that a simulation may have unless told otherwise: rms, relative to the motion's."""
 
-# Share of a step in which joints are brought to their initial deflections.
-_AT_ONCE = 1e-9
+BALANCE = 0.01
+"""Energy that may be missing, over the largest that went in."""
 
-
-class Energies(NamedTuple):
-    """Energies and what went in and out since the beginning, force x length, (N,) each.
-
-    Attributes
-    ----------
-    kinetic : array
-        Of the structure.
-    elastic : array
-        Of the structure without its joints.
-    stored : array
-        In the joints' springs.
-    work : array
-        Of the external forces.
-    viscous : array
-        Lost in the structure's damping.
-    joints : array
-        Lost in the joints: the work done on them less what their springs store.
-    slip : array
-        The same by the joints' own account of slip and rate, which takes their forces to be
-        exact within a step instead of linear in time; it comes closer with the square of the
-        step.
-    """
-
-    kinetic: Array
-    elastic: Array
-    stored: Array
-    work: Array
-    viscous: Array
-    joints: Array
-    slip: Array
-
-    @property
-    def imbalance(self) -> Array:
-        """Work and initial energy that is neither stored nor lost, (N,)."""
-        stored = self.kinetic + self.elastic + self.stored
-        return self.work + stored[..., :1] - stored - self.viscous - self.joints
+# What an estimated error may be short of the true one: by up to a third where two thirds of a
+# radian of the fastest joint mode are a step (tests/dynamics/test_step_length.py).
+_MARGIN = 1.5
+# Steps that a simulation takes by itself for one that it was asked for.
+_MOST_REFINED = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +53,15 @@ class Transient:
         Where it was asked for.
     balanced : (...) bool array
         Whether the joints were in balance at every step; where not, all from there on is NaN.
+    error : (...) array
+        Estimated distance from the converged response: rms over the record of all elastic modes'
+        displacements, or velocities where it is larger, over that of the response itself. NaN by
+        the method "newmark", whose error is (omega dt)^2/12 of each frequency.
+    imbalance : (...) array
+        Largest amount of energy that is not accounted for, over the largest that went in. NaN
+        where a joint does not know its energy (``sliders=None``), and both where nobody asked.
+    substeps : int
+        Steps from one sample to the next, more than asked for where the response was refined.
     labels : tuple of str
         Of the joints.
     method : {"exact", "newmark"}
@@ -101,30 +76,11 @@ class Transient:
     joint_deflection: Array | None = field(repr=False)
     energy: Energies | None = field(repr=False)
     balanced: Array
+    error: Array
+    imbalance: Array
+    substeps: int
     labels: tuple[str, ...]
     method: Method
-
-
-class _Options(NamedTuple):
-    """What a kernel is compiled for."""
-
-    method: Method
-    keep: tuple[Quantity, ...]
-    every: int
-    substeps: int
-    sliders: int | None
-
-
-class _Point(NamedTuple):
-    """State of the integration at a sample."""
-
-    q: Array
-    v: Array
-    f: Array
-    g: Array
-    g_before: Array
-    states: tuple[Any, ...]
-    sums: Array
 
 
 def simulate(
@@ -142,6 +98,7 @@ def simulate(
     substeps: int = 1,
     modes: int | None = None,
     sliders: int | None = SLIDERS,
+    accuracy: float | None = ACCURACY,
 ) -> Transient:
     r"""Integrate :math:`M\ddot u + C\dot u + Ku + \sum_j b_jF_j(b_j^Tu) = f(t)` in time.
 
@@ -150,7 +107,13 @@ def simulate(
     by a safeguarded Newton method. Between samples forces are linear in time: "exact" then
     takes the modes from one to the next without error, "newmark" is the average
     acceleration of the thesis (Sec. 2.3.1), which lowers every frequency by
-    :math:`(\omega\Delta t)^2/12`.
+    :math:`(\omega\Delta t)^2/12`. Both are stable whatever the step
+    (``iwanjax/dynamics/stepping.py``).
+
+    A run estimates its own error and accounts for its energy. Where either is more than
+    allowed the steps are shortened, up to 64 times, until it is not; where that does not
+    help, an error names the step to take. Under a JAX transformation nothing can be
+    shortened or raised: a response that is not good enough is NaN.
 
     Differentiable, forward and reverse, with respect to joints, force, initial state and
     the structure's matrices; the steps are recomputed in reverse, so that memory grows with
@@ -185,6 +148,9 @@ def simulate(
     sliders : int or None
         Of an Iwan joint. None integrates four-parameter ones in closed form, on a stack of
         reversals: smooth in the parameters, but their energy is not known.
+    accuracy : float or None
+        Error allowed, rms relative to the response's (1 = 100 %). None takes the response as
+        it comes, unjudged.
 
     Returns
     -------
@@ -195,6 +161,9 @@ def simulate(
     InputError
         For arrays of wrong shape or with NaN, steps that are not positive, and the energy of
         a structure whose modes are not all kept.
+    AccuracyError
+        Where no step that was tried brings the error below ``accuracy`` and what is missing of
+        the energy below 1 % of what went in.
     PrecisionError
         When JAX computes in float32.
     """
@@ -204,6 +173,8 @@ def simulate(
     rows_out = jnp.eye(n) if sensors is None else _rows(sensors, "sensors", n)
     f = _force(force, rows_in.shape[0])
     _check_numbers(dt, every, substeps, method, keep, f.shape[-2])
+    if accuracy is not None and not 0.0 < accuracy < math.inf:
+        raise InputError(f"simulate: accuracy = {accuracy!r}; expected a positive number or None")
     initial = [
         jnp.zeros(n) if given is None else _vector(given, name, n)
         for given, name in ((displacement, "displacement"), (velocity, "velocity"))
@@ -211,8 +182,6 @@ def simulate(
     if "energy" in keep and modes is not None:
         raise InputError("simulate: the energy needs all modes; leave modes= out")
     modal = modal_coordinates(structure, rows_in, rows_out, modes)
-    step = jnp.asarray(dt / substeps, f.dtype)
-    by = propagator(modal.omega2, modal.C, step, method)
     start = [modal.Phi.T @ (structure.structure.M @ given) for given in initial]
     elements = structure.elements
     batch = {jnp.shape(x) for x in jax.tree.leaves(elements)} - {()}
@@ -221,181 +190,104 @@ def simulate(
         raise InputError(
             f"simulate: batches of different sizes: joints {sorted(batch)}, force {f.shape[:-2]}"
         )
-    options = _Options(method, tuple(keep), every, substeps, sliders)
     axes = (
         jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, elements),
         0 if f.ndim == 3 else None,
     )
-    kept, balanced = _run(elements, f, modal, by, start, step, options, axes if sizes else None)
+
+    def attempt(substeps: int) -> Run:
+        step = dt / substeps
+        group = group_size(modal, step, substeps * (f.shape[-2] - 1))
+        options = Options(
+            method=method,
+            keep=tuple(keep),
+            every=every,
+            substeps=substeps,
+            sliders=sliders,
+            split=has_fast_modes(modal, step, method),
+            error_split=has_fast_modes(modal, group * step, method),
+            group=group,
+            judge=accuracy is not None,
+        )
+        step = jnp.asarray(step, f.dtype)
+        return run(elements, f, modal, start, step, options, axes if sizes else None)
+
+    found, substeps = _refined(attempt, substeps, float(dt), method, accuracy)
+    kept = dict(found.kept)
     energy = kept.pop("energy", None)
     return Transient(
         time=dt * every * jnp.arange(1 + (f.shape[-2] - 1) // every),
         **{name: kept.get(name) for name in (*QUANTITIES, "joint_deflection")},
-        energy=None if energy is None else _accounts(energy),
-        balanced=balanced,
+        energy=None if energy is None else accounts(energy),
+        balanced=found.balanced,
+        error=found.error,
+        imbalance=found.imbalance,
+        substeps=substeps,
         labels=structure.labels,
         method=method,
     )
 
 
-@eqx.filter_jit
-def _run(
-    elements: tuple[AbstractJoint, ...],
-    f: Array,
-    modal: ModalCoordinates,
-    by: Propagator,
-    start: list[Array],
-    dt: Array,
-    options: _Options,
-    axes: Any,
-) -> tuple[dict[str, Array], Array]:
-    """Integrate one case, or a batch of them along the given axes."""
+def _refined(
+    attempt: Callable[[int], Run],
+    substeps: int,
+    dt: float,
+    method: Method,
+    accuracy: float | None,
+) -> tuple[Run, int]:
+    """The first run that is good enough, and the steps it took from one sample to the next."""
+    asked = substeps
+    while True:
+        found = attempt(substeps)
+        if accuracy is None:
+            return found, substeps
+        excess = _excess(found, method, accuracy)
+        if is_traced(excess):
+            good = excess <= 1.0
+            kept = {name: _only(good, rows) for name, rows in found.kept.items()}
+            return found._replace(kept=kept), substeps
+        worst = float(jnp.max(excess))
+        if worst <= 1.0:
+            return found, substeps
+        # Both fall with the square of the step, as soon as it resolves what happens.
+        factor = min(max(2, math.ceil(math.sqrt(worst))), 8) if worst < 1e6 else 8
+        if substeps * factor > _MOST_REFINED * asked:
+            raise AccuracyError(_too_long(found, excess, dt, substeps, factor, accuracy))
+        substeps *= factor
 
-    def one(elements: tuple[AbstractJoint, ...], f: Array) -> tuple[dict[str, Array], Array]:
-        return _integrate(elements, f, modal, by, start, dt, options)
 
-    if axes is None:
-        return one(elements, f)
-    return jax.vmap(one, in_axes=axes)(elements, f)
+def _excess(found: Run, method: Method, accuracy: float) -> Array:
+    """Error and imbalance over what is allowed, the larger of both; a run may not exceed 1."""
+    missing = jnp.where(jnp.isnan(found.imbalance), 0.0, found.imbalance)
+    worst = missing / BALANCE
+    if method == "exact":
+        worst = jnp.maximum(worst, _MARGIN * found.error / accuracy)
+    return jnp.where(found.balanced & ~jnp.isnan(worst), worst, jnp.inf)
 
 
-def _integrate(
-    elements: tuple[AbstractJoint, ...],
-    f: Array,
-    modal: ModalCoordinates,
-    by: Propagator,
-    start: list[Array],
-    dt: Array,
-    options: _Options,
-) -> tuple[dict[str, Array], Array]:
-    """All samples that are kept, and whether the joints were in balance at each."""
-    joints = Joints.of(tuple(each.discrete(options.sliders) for each in elements))
-    P, W = modal.P, modal.W
-    q_g, v_g = by.last(P.T)
-    G, H = P @ q_g + modal.R_dg, P @ v_g
-    with_energy = "energy" in options.keep
+def _only(good: Array, rows: Array) -> Array:
+    """Rows of the good cases; NaN for the others."""
+    return jnp.where(good.reshape(good.shape + (1,) * (rows.ndim - good.ndim)), rows, jnp.nan)
 
-    def step(at: _Point, f: Array) -> _Point:
-        p = W @ at.f + P.T @ at.g
-        q, v = by.free(at.q, at.v, p, W @ f)
-        end = StepEnd(joints, at.states, P @ q + modal.R_df @ f, P @ v, G, H, modal.stiffness, dt)
-        g = balance(2.0 * at.g - at.g_before, end)
-        reaction = end.react(g)
-        q, v = q + q_g @ g, v + v_g @ g
-        sums = at.sums
-        if with_energy:
-            after = _Point(q, v, f, g, at.g, reaction.state, sums)
-            sums = sums + jnp.stack(
-                [*_exchanged(modal, at, after, dt, options.method), jnp.sum(reaction.loss)]
-            )
-        return _Point(q, v, f, g, at.g, reaction.state, sums)
 
-    def sample(at: _Point, f: Array) -> tuple[_Point, None]:
-        if options.substeps == 1:
-            return step(at, f), None
-        parts = jnp.arange(1, options.substeps + 1) / options.substeps
-        between = at.f + parts[:, None] * (f - at.f)
-        return jax.lax.scan(lambda a, x: (step(a, x), None), at, between)[0], None
-
-    def kept(at: _Point) -> dict[str, Array]:
-        p = W @ at.f + P.T @ at.g
-        d = P @ at.q + modal.R_dg @ at.g + modal.R_df @ at.f
-        lost = modal.C * at.v if modal.C.ndim == 1 else modal.C @ at.v
-        found = {
-            "displacement": modal.Y @ at.q + modal.R_yg @ at.g + modal.R_yf @ at.f,
-            "velocity": modal.Y @ at.v,
-            "acceleration": modal.Y @ (p - lost - modal.omega2 * at.q),
-            "joint_force": modal.stiffness * d - at.g,
-            "joint_deflection": d,
-            "energy": _energies(modal, joints, at, d) if with_energy else d,
-        }
-        # What nobody asked for is not even computed once this is compiled.
-        return {name: found[name] for name in options.keep} | {"ok": jnp.all(jnp.isfinite(at.g))}
-
-    def keep(at: _Point, f: Array) -> tuple[_Point, dict[str, Array]]:
-        at = sample(at, f[0])[0] if options.every == 1 else jax.lax.scan(sample, at, f)[0]
-        return at, kept(at)
-
-    first = _first(modal, joints, f[0], start, dt)
-    count = (f.shape[0] - 1) // options.every
-    length = max(1, math.isqrt(count))
-    blocks = -(-count // length)
-    used = f[1 : 1 + count * options.every]
-    padding = blocks * length * options.every - used.shape[0]
-    used = jnp.concatenate([used, jnp.zeros((padding, f.shape[1]), f.dtype)])
-    # In reverse each block is run again from its beginning: memory grows with the root.
-    block = jax.checkpoint(lambda at, f: jax.lax.scan(keep, at, f), prevent_cse=False)
-    _, rows = jax.lax.scan(block, first, used.reshape(blocks, length, options.every, f.shape[1]))
-    initial = kept(first)
-    whole = {
-        name: jnp.concatenate(
-            [initial[name][None], row.reshape(blocks * length, *row.shape[2:])[:count]]
+def _too_long(
+    found: Run, excess: Array, dt: float, substeps: int, factor: int, accuracy: float
+) -> str:
+    """What is wrong with the worst case, and what to do about it."""
+    at = jnp.unravel_index(jnp.argmax(excess), excess.shape)
+    case = f" in case {int(at[0])}" if excess.ndim else ""
+    step = dt / substeps
+    if not found.balanced[at]:
+        what = f"joints find no balance{case} with steps of {step:.3g} s"
+    else:
+        what = (
+            f"with steps of {step:.3g} s the response{case} is {float(found.error[at]):.2%} (rms) "
+            f"off what shorter ones would give, and {float(found.imbalance[at]):.2%} of the "
+            f"energy is missing; {accuracy:.2%} and {BALANCE:.0%} are allowed"
         )
-        for name, row in rows.items()
-    }
-    return whole, jnp.all(whole.pop("ok"))
-
-
-def _first(
-    modal: ModalCoordinates, joints: Joints, f: Array, start: list[Array], dt: Array
-) -> _Point:
-    """The state at t = 0: joints brought to their deflections at once, without turning."""
-    q, v = start
-    m = joints.count
-    end = StepEnd(
-        joints,
-        joints.init(),
-        modal.P @ q + modal.R_df @ f,
-        modal.P @ v,
-        modal.R_dg,
-        jnp.zeros((m, m), q.dtype),
-        modal.stiffness,
-        _AT_ONCE * dt,
-    )
-    g = balance(jnp.zeros(m, q.dtype), end)
-    return _Point(q, v, f, g, g, end.react(g).state, jnp.zeros(4, q.dtype))
-
-
-def _exchanged(
-    modal: ModalCoordinates, before: _Point, after: _Point, dt: Array, method: Method
-) -> tuple[Array, Array, Array]:
-    """Over a step: work of the external forces, loss by damping, work on the joints."""
-    (q_0, v_0), (q, v) = (before.q, before.v), (after.q, after.v)
-    p_0, p_1 = modal.W @ before.f, modal.W @ after.f
-    g_0, g_1 = modal.P.T @ before.g, modal.P.T @ after.g
-    d_0, d_1 = modal.P @ q_0, modal.P @ q
-    elastic = 0.5 * modal.stiffness @ (d_1**2 - d_0**2)
-    C = modal.C if modal.C.ndim == 2 else jnp.diag(modal.C)
-    moved = q - q_0
-    if method == "newmark":
-        # With these sums the average acceleration conserves energy exactly.
-        yielded = 0.5 * (g_0 + g_1) @ moved
-        return 0.5 * (p_0 + p_1) @ moved, moved @ C @ moved / dt, elastic - yielded
-    a_0 = p_0 + g_0 - C @ v_0 - modal.omega2 * q_0
-    a_1 = p_1 + g_1 - C @ v - modal.omega2 * q
-    # Forces are linear over the step: by parts, with q along the cubic between both ends.
-    mean = 0.5 * (q_0 + q) + dt / 12.0 * (v_0 - v)
-    ends = v_0 @ C @ v_0 + v @ C @ v
-    slopes = 2.0 * (v_0 @ C @ a_0 - v @ C @ a_1)
     return (
-        p_1 @ q - p_0 @ q_0 - (p_1 - p_0) @ mean,
-        dt * (0.5 * ends + dt / 12.0 * slopes),
-        elastic - (g_1 @ q - g_0 @ q_0 - (g_1 - g_0) @ mean),
-    )
-
-
-def _energies(modal: ModalCoordinates, joints: Joints, at: _Point, d: Array) -> Array:
-    """Kinetic, elastic and stored energy at a sample, and the sums up to it."""
-    elastic = 0.5 * (modal.omega2 @ at.q**2 - modal.stiffness @ d**2)
-    stored = jnp.sum(joints.energy(d, at.states))
-    return jnp.concatenate([jnp.stack([0.5 * at.v @ at.v, elastic, stored]), at.sums])
-
-
-def _accounts(rows: Array) -> Energies:
-    """Rows of :func:`_energies` by name."""
-    kinetic, elastic, stored, work, viscous, done, slip = jnp.moveaxis(rows, -1, 0)
-    return Energies(
-        kinetic, elastic, stored, work, viscous, done - (stored - stored[..., :1]), slip
+        f"simulate: {what}; try steps of {step / factor:.2g} s, or take the response as it is "
+        "with accuracy=None"
     )
 
 

@@ -123,6 +123,7 @@ def _transient(case: SimulationCase) -> Transient:
         substeps=settings.substeps,
         modes=settings.modes,
         sliders=settings.sliders,
+        accuracy=settings.accuracy,
     )
     return jax.block_until_ready(found)
 
@@ -287,8 +288,11 @@ def _told_transient(case: SimulationCase, found: Transient) -> dict[str, Any]:
     step = float(time[1] - time[0]) / settings.every
     told: dict[str, Any] = {
         "method": found.method,
-        "dt": step / settings.substeps,
-        "steps": (time.size - 1) * settings.every * settings.substeps,
+        "dt": step / found.substeps,
+        "steps": (time.size - 1) * settings.every * found.substeps,
+        "refined": found.substeps // settings.substeps,
+        "estimated_error": _known(found.error),
+        "energy_imbalance": _known(found.imbalance),
         "sliders": settings.sliders,
         "balanced": bool(found.balanced),
         "sensors": {
@@ -322,8 +326,13 @@ def _told_transient(case: SimulationCase, found: Transient) -> dict[str, Any]:
     if found.method == "newmark":
         # The average acceleration's own error, by which its step is chosen.
         omega2 = np.asarray(case.structure.basis.omega2)
-        told["frequency_error"] = -omega2 * (step / settings.substeps) ** 2 / 12.0
+        told["frequency_error"] = -omega2 * (step / found.substeps) ** 2 / 12.0
     return told
+
+
+def _known(value: Any) -> float | None:
+    """A number, or nothing where it is not known."""
+    return float(value) if np.isfinite(value) else None
 
 
 def _peak(time: np.ndarray, values: np.ndarray) -> dict[str, float]:
@@ -340,10 +349,16 @@ def _lines(told: dict[str, Any]) -> list[str]:
     lines = [
         f"{name}: {told['steps']} steps of {told['dt']:g} s ({told['method']}) in {seconds:.3g} s"
     ]
+    if told["refined"] > 1:
+        lines.append(
+            f"{name}: the step asked for was too long and was divided by {told['refined']}"
+        )
     if not told["balanced"]:
         lines.append(
             f"{name}: the joints found no balance; from there on all is NaN: take shorter steps"
         )
+    if told["estimated_error"] is not None:
+        lines.append(f"{name}: estimated error {told['estimated_error']:.2g} of the motion (rms)")
     for kind in _RESPONSES:
         peaks = {label: each[kind] for label, each in told["sensors"].items() if kind in each}
         if peaks:

@@ -1,0 +1,224 @@
+r"""How far a simulation is from the converged one, estimated while it runs.
+
+The exact rule errs by what the joints' forces are not linear within a step. Their second
+difference e says so: the mean of a parabola through three samples is :math:`-e/12` away from the
+straight line's. A fast mode errs by what the average acceleration does otherwise than its equation
+of motion. A joint that turns within a step has gone further than either end. The error moves on as
+a small motion of its own, by the same rule with the joints' tangents; where the steps are short, by
+one for four of them.
+
+A joint of sliders remembers the force at which it turned. After a turn with the error
+:math:`\varepsilon` in deflection and the slope K before it, the branch that starts there with its
+full stiffness :math:`K_{ref}` is offset by :math:`\mu`, so that the force's error is continuous:
+
+.. math:: \delta F = K\,(\varepsilon + \mu), \qquad
+          K_{ref}(\varepsilon+\mu_{new}) = K(\varepsilon+\mu) - (K_{ref}-K)\,\delta
+"""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool
+
+from iwanjax.dynamics.balance import StepEnd, solved
+from iwanjax.dynamics.coordinates import ModalCoordinates
+from iwanjax.dynamics.stepping import Motion, Stepper
+from iwanjax.joints import Reaction
+from iwanjax.types import is_traced
+
+_GROUP = 4
+# As long as that longer step resolves every mode that joints move: omega dt below this angle, rad.
+# Beyond, an error would be missed that comes and goes within a period.
+_RESOLVED = 1.0
+# A short run has too few steps to be sampled by groups of them.
+_MANY = 128
+
+
+def group_size(modal: ModalCoordinates, dt: float, steps: int) -> int:
+    """Steps of a simulation for one of its error: several where they are short and many."""
+    if is_traced(modal.omega2, modal.P) or steps < _MANY:
+        return 1
+    moved = np.any(np.asarray(modal.P) != 0.0, axis=0)
+    fastest = math.sqrt(float(np.max(np.asarray(modal.omega2), where=moved, initial=0.0)))
+    return _GROUP if _GROUP * dt * fastest <= _RESOLVED else 1
+
+
+class ErrorState(NamedTuple):
+    """The estimated error so far.
+
+    Attributes
+    ----------
+    motion : Motion
+        Of the modes.
+    g, d : (joints,) array
+        Of the pseudo-forces and of the deflections.
+    offset : (joints,) array
+        Of the branches that the joints are on, length.
+    tangent : (joints,) array
+        Stiffness at the last step's end.
+    curved : (joints,) array
+        Sum of the steps' own errors since the motion's last step, force.
+    exact : pair of (modes,) arrays or None
+        Displacements and velocities of the fast modes under the pseudo-forces, without error.
+    steps : array
+        Number of steps since.
+    sums : (4,) array
+        Squared error and size of the elastic modes' displacements, then of their velocities.
+    """
+
+    motion: Motion
+    g: Array
+    d: Array
+    offset: Array
+    tangent: Array
+    curved: Array
+    exact: tuple[Array, Array] | None
+    steps: Array
+    sums: Array
+
+
+class Step(NamedTuple):
+    """What has happened over a step.
+
+    Attributes
+    ----------
+    before, after : Motion
+        At its ends.
+    rates : pair of (joints,) arrays
+        Of the joints at its ends.
+    g : three (joints,) arrays
+        Pseudo-forces a step before, at the beginning and at the end.
+    end : StepEnd
+        What was balanced at its end.
+    reaction : Reaction
+        Of the joints.
+    counts : array
+        1, or 0 for a step behind the last sample.
+    """
+
+    before: Motion
+    after: Motion
+    rates: tuple[Array, Array]
+    g: tuple[Array, Array, Array]
+    end: StepEnd
+    reaction: Reaction
+    counts: Array
+
+
+class Estimator(eqx.Module):
+    """What the error moves by.
+
+    Attributes
+    ----------
+    by : Stepper
+        What makes the simulation's steps.
+    grouped : Stepper
+        What makes the error's.
+    remember : (joints,) bool array
+        Which joints have sliders.
+    size : int
+        Steps of the simulation for one of the error.
+    """
+
+    by: Stepper
+    grouped: Stepper
+    remember: Bool[Array, " joints"]
+    size: int = eqx.field(static=True)
+
+    def init(self) -> ErrorState:
+        """No error yet."""
+        modal = self.by.modal
+        still, none = jnp.zeros_like(modal.omega2), jnp.zeros_like(modal.stiffness)
+        pair = (still, still)
+        return ErrorState(
+            Motion(*pair, None if self.grouped.average is None else pair),
+            none,
+            none,
+            none,
+            modal.stiffness,
+            none,
+            None if self.by.average is None else pair,
+            jnp.zeros((), jnp.int32),
+            jnp.zeros(4, none.dtype),
+        )
+
+    def step(self, error: ErrorState, step: Step) -> ErrorState:
+        """The error after another step; no derivative goes through it."""
+        self, error, step = jax.lax.stop_gradient((self, error, step))
+        g_before, g_0, g_1 = step.g
+        error = error._replace(
+            curved=error.curved + (2.0 * g_0 - g_1 - g_before) / 12.0,
+            exact=self._exact(error, step),
+            offset=self._turned(error, step),
+            tangent=step.reaction.stiffness,
+            steps=error.steps + 1,
+        )
+        if self.size == 1:
+            return self._moved(error, step)
+        due = error.steps == self.size
+        return jax.lax.cond(due, lambda e: self._moved(e, step), lambda e: e, error)
+
+    def _moved(self, error: ErrorState, step: Step) -> ErrorState:
+        """The error after a step of its own."""
+        by, modal, reaction = self.grouped, self.by.modal, step.reaction
+        curved = error.curved / self.size
+        free = by.free_of(error.motion, error.g + curved, curved)
+        # Of the rule for fast modes; what they do does not depend on this error again.
+        off_q = off_v = jnp.zeros_like(modal.omega2)
+        if error.exact is not None and step.after.correction is not None:
+            (q, v), (q_found, v_found) = error.exact, step.after.correction
+            off_q, off_v = q - q_found, v - v_found
+        d, v = modal.P @ (free.displacement + off_q), modal.P @ (free.velocity + off_v)
+        end = step.end._replace(G=by.G, H=by.H)
+        soft = (end.stiffness - reaction.stiffness) * d
+        g = solved(end, reaction, soft - reaction.stiffness * error.offset - reaction.damping * v)
+        motion = by.pushed(free, g)
+        elastic = modal.omega2 > 0.0
+        now = step.after
+        off_q, off_v = off_q + motion.displacement, off_v + motion.velocity
+        found = [off_q, now.displacement, off_v, now.velocity]
+        squares = jnp.stack([jnp.sum(jnp.where(elastic, x**2, 0.0)) for x in found])
+        return ErrorState(
+            motion,
+            g,
+            d + by.G @ g,
+            error.offset,
+            error.tangent,
+            jnp.zeros_like(error.curved),
+            error.exact,
+            jnp.zeros_like(error.steps),
+            error.sums + step.counts * squares,
+        )
+
+    def _exact(self, error: ErrorState, step: Step) -> tuple[Array, Array] | None:
+        """What the pseudo-forces do to the fast modes by their equation of motion."""
+        if error.exact is None:
+            return None
+        _, g_0, g_1 = step.g
+        return self.by.linear.free(*error.exact, self.by.quick(g_0), self.by.quick(g_1))
+
+    def _turned(self, error: ErrorState, step: Step) -> Array:
+        """Offsets of the joints' branches after a step."""
+        full, (v_0, v_1) = step.end.stiffness, step.rates
+        turns = (v_0 * v_1 < 0.0) & self.remember & (full > 0.0)
+        # Of a parabola with these slopes: what lies beyond the farther of its ends.
+        least = jnp.minimum(v_0**2, v_1**2) / jnp.where(turns, jnp.abs(v_1 - v_0), 1.0)
+        beyond = 0.5 * self.by.dt * jnp.sign(v_0) * least
+        share = jnp.clip(error.tangent / jnp.where(full > 0.0, full, 1.0), 0.0, 1.0)
+        new = share * (error.d + error.offset) - error.d - (1.0 - share) * beyond
+        return jnp.where(turns, new, error.offset)
+
+
+def relative_error(sums: Array) -> Array:
+    """Root mean square of the error over that of the motion, of displacement or velocity.
+
+    The larger of the two; 0 where nothing moves.
+    """
+    error, size = sums[..., ::2], sums[..., 1::2]
+    moves = size > 0.0
+    ratio = jnp.sqrt(error / jnp.where(moves, size, 1.0))
+    return jnp.max(jnp.where(moves | (error != 0.0), ratio, 0.0), axis=-1)

@@ -1,0 +1,206 @@
+"""Steps too long for a structure: right all the same, refined, or refused by name."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from reference.test_brake_reuss import beam  # noqa: F401
+
+import iwanjax as ij
+from iwanjax.dynamics import half_sine
+from iwanjax.joints.discrete import Elastic
+
+SAMPLES = 800
+
+
+def random_chain(seed, size, ratio):
+    """A grounded chain with joints ``ratio`` times as stiff as its springs between masses."""
+    rng = np.random.default_rng(seed)
+    k = 10.0 ** rng.uniform(0.0, 1.0, size + 1)
+    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    M = np.diag(10.0 ** rng.uniform(-0.5, 0.5, size))
+    entries = {}
+    for place in rng.choice(np.arange(1, size), 2, replace=False):
+        row = np.zeros(size)
+        row[[place - 1, place]] = -1.0, 1.0
+        joint = ij.Iwan4(F_S=1.0, K_T=3.0 * ratio, chi=-0.4, beta=2.0)
+        entries[f"J{place}"] = (row, joint)
+    bare = ij.JointedStructure(ij.LinearStructure(M, None, K), entries)
+    C = bare.linearised("low").damping_matrix(3e-3)
+    return ij.JointedStructure(ij.LinearStructure(M, C, K), entries), np.eye(size)[0]
+
+
+def joint_mode(js):
+    """Circular frequency of the fastest mode that joints take part in."""
+    omega = np.sqrt(np.asarray(js.basis.omega2))
+    strain = omega * np.abs(np.asarray(js.rows) @ np.asarray(js.basis.Phi))
+    part = np.max(strain / np.max(strain, axis=1, keepdims=True), axis=0)
+    return float(np.max(omega[part > 1e-3]))
+
+
+def modal_sensors(js):
+    """Rows that see the modal displacements of the elastic modes."""
+    omega2 = np.asarray(js.basis.omega2)
+    Phi = np.asarray(js.basis.Phi)[:, omega2 > 1e-9 * np.max(omega2)]
+    return (np.asarray(js.structure.M) @ Phi).T
+
+
+def blow(js, row, dt, level):
+    """A half sine whose deflections would be ``level`` times phi_max if the joints were stuck."""
+    lowest = float(js.modes().omega[0])
+    duration = min(max(8 * dt, 2.0 / lowest), 0.2 * SAMPLES * dt)
+    force = np.asarray(half_sine(dt * np.arange(SAMPLES + 1), 1.0, np.pi / duration))
+    stuck = ij.simulate(
+        js, 1e-9 * force, dt, inputs=row, keep=["joint_deflection"], accuracy=None
+    ).joint_deflection
+    phi = np.array([float(joint.phi_max) for joint in js.joints.values()])
+    return force * level * 1e-9 / np.max(np.abs(stuck) / phi)
+
+
+def distance(found, expected):
+    """Rms of the difference over rms of what was expected, displacement and velocity."""
+    return [
+        float(np.linalg.norm(np.asarray(a - b)) / np.linalg.norm(np.asarray(b)))
+        for a, b in (
+            (found.displacement, expected.displacement),
+            (found.velocity, expected.velocity),
+        )
+    ]
+
+
+SYSTEMS = {
+    "three masses": lambda: (ij.three_mass(zeta=1e-3), np.eye(3)[1]),
+    "stiff joints": lambda: random_chain(3, 8, 1e4),
+    "soft joints": lambda: random_chain(4, 12, 3.0),
+}
+
+
+@pytest.mark.parametrize("level", [0.02, 60.0])
+@pytest.mark.parametrize("periods", [0.2, 2.0])
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_whatever_the_step_the_response_is_right(name, periods, level):
+    js, row = SYSTEMS[name]()
+    dt = periods * 2 * np.pi / joint_mode(js)
+    force = blow(js, row, dt, level)
+    kept = {"inputs": row, "sensors": modal_sensors(js), "keep": ["displacement", "velocity"]}
+    # The longer step's rule is another one: fast modes by the average acceleration.
+    fine = round(60 * periods)
+    converged = ij.simulate(js, force, dt, substeps=fine, accuracy=None, **kept)
+    found = ij.simulate(js, force, dt, **kept)
+    assert float(found.error) <= 0.01
+    assert float(found.imbalance) <= 0.01
+    assert max(distance(found, converged)) <= 0.01
+
+
+def test_the_estimate_is_the_error():
+    # Where a step is a small part of a period the estimate is more than an upper bound.
+    js, row = random_chain(5, 6, 30.0)
+    ratios = []
+    for periods in (0.03, 0.06, 0.12):
+        dt = periods * 2 * np.pi / joint_mode(js)
+        force = blow(js, row, dt, 8.0)
+        kept = {"inputs": row, "sensors": modal_sensors(js), "keep": ["displacement", "velocity"]}
+        converged = ij.simulate(js, force, dt, substeps=12, **kept)
+        found = ij.simulate(js, force, dt, accuracy=10.0, **kept)
+        assert found.substeps == 1
+        ratios.append(float(found.error) / max(distance(found, converged)))
+    assert min(ratios) > 0.75
+    assert max(ratios) < 1.5
+
+
+@pytest.mark.reference
+def test_the_reduced_beam_at_its_own_config_s_step(beam):  # noqa: F811
+    # The energy of linear forces between such samples grew without bound: 1e300, then NaN.
+    js = beam[1]
+    row = np.asarray(js.structure.M) @ np.asarray(js.modes().Phi[:, 1])
+    for dt in (3.05e-5, 6.1e-5):
+        force = half_sine(dt * np.arange(801), 2000.0, float(js.modes().omega[1]))
+        kept = {"inputs": row, "sensors": modal_sensors(js), "keep": ["displacement", "velocity"]}
+        found = ij.simulate(js, force, dt, **kept)
+        converged = ij.simulate(js, force, dt, method="newmark", substeps=16, accuracy=None, **kept)
+        assert max(distance(found, converged)) <= 0.01
+        assert float(found.imbalance) <= 0.01
+
+
+def test_long_steps_alone_stay_stable():
+    # Unjudged, with no refinement: wrong in phase, but no energy comes from nowhere.
+    js, row = random_chain(6, 10, 1e4)
+    for periods in (1.0, 3.0):
+        dt = periods * 2 * np.pi / joint_mode(js)
+        force = blow(js, row, dt, 60.0)
+        energy = ij.simulate(js, force, dt, inputs=row, keep=["energy"], accuracy=None).energy
+        held = np.asarray(energy.kinetic + energy.elastic + energy.stored)
+        free = int(np.flatnonzero(force)[-1]) + 1
+        assert np.max(held[free:]) <= 1.5 * held[free]
+
+
+class Forgetful(Elastic):
+    """A spring that says it stores half of what it does."""
+
+    def energy(self, d, state):
+        return 0.5 * super().energy(d, state)
+
+
+class Mistaken(ij.CubicSpring):
+    """With an account of its energy that is wrong whatever the step."""
+
+    def discrete(self, sliders=200):
+        return Forgetful(self)
+
+
+def test_energy_that_is_missing_is_an_error():
+    js = ij.oscillator(mass=1.0, stiffness=1.0, joint=Mistaken(k3=1.0))
+    force = half_sine(0.01 * np.arange(1001), 1.0, 1.0)
+    with pytest.raises(ij.AccuracyError, match=r"of the energy is missing.*try steps of") as caught:
+        ij.simulate(js, force, 0.01)
+    assert "\n" not in str(caught.value)
+    # On request it can be had.
+    found = ij.simulate(js, force, 0.01, accuracy=None)
+    assert np.isnan(float(found.imbalance))
+    assert np.all(np.isfinite(found.displacement))
+
+
+def test_a_step_beyond_help_is_refused_by_name():
+    js, row = random_chain(3, 8, 1e4)
+    dt = 300.0 * 2 * np.pi / joint_mode(js)
+    with pytest.raises(ij.AccuracyError, match=r"\(rms\) off.*try steps of .* accuracy=None"):
+        ij.simulate(js, blow(js, row, dt, 8.0), dt, inputs=row, keep=["velocity"])
+
+
+def test_what_cannot_be_refined_is_no_number():
+    js, row = random_chain(4, 12, 3.0)
+    period = 2 * np.pi / joint_mode(js)
+
+    def last(level, dt, force):
+        found = ij.simulate(js, level * force, dt, inputs=row, keep=["velocity"])
+        return jnp.sum(found.velocity[-1] ** 2)
+
+    short, long = period / 50, 2 * period
+    fine, coarse = (blow(js, row, dt, 8.0) for dt in (short, long))
+    slope = jax.jit(jax.grad(lambda x: last(x, short, fine)))(1.0)
+    assert np.isfinite(float(slope))
+    step = 1e-5
+    difference = (last(1.0 + step, short, fine) - last(1.0 - step, short, fine)) / (2 * step)
+    assert float(slope) == pytest.approx(float(difference), rel=1e-4)
+    assert np.isnan(float(jax.jit(lambda x: last(x, long, coarse))(1.0)))
+
+
+def test_a_batch_is_as_good_as_its_worst_case():
+    js, row = random_chain(4, 12, 3.0)
+    dt = 0.3 * 2 * np.pi / joint_mode(js)
+    force = blow(js, row, dt, 1.0) * np.array([[1e-3], [8.0]])
+    found = ij.simulate(js, force[..., None], dt, inputs=row, keep=["velocity"])
+    assert found.error.shape == found.imbalance.shape == (2,)
+    assert found.substeps > 1
+    assert np.max(np.asarray(found.error)) <= 0.01
+    joints = eqx.tree_at(lambda js: js.elements, js, js.elements)
+    alone = ij.simulate(joints, force[0], dt, inputs=row, keep=["velocity"])
+    assert alone.substeps == 1
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -1.0, np.inf])
+def test_an_accuracy_is_a_positive_number(accuracy):
+    js = ij.three_mass()
+    with pytest.raises(ij.InputError, match=r"accuracy = .*expected a positive number or None"):
+        ij.simulate(js, np.zeros((10, 3)), 0.1, accuracy=accuracy)
