@@ -3,6 +3,7 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from iwanjax.compiler import compile_quickly
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import AccuracyError, InputError, IwanjaxError, PrecisionError
 from iwanjax.joints import (
@@ -287,6 +288,7 @@ __all__ = [
     "check_matrices",
     "check_reduction",
     "compare_modes",
+    "compile_quickly",
     "controlled_response",
     "coupled_modes",
     "craig_bampton",

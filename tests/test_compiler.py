@@ -53,3 +53,18 @@ assert jnp.isfinite(run(A, jnp.ones(3000))[0]).all()
 """
     environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
+
+
+def test_slow_loops_are_said_once(monkeypatch):
+    monkeypatch.setattr(compiler, "_warned", False)
+    monkeypatch.setattr(compiler, "version", lambda _: "0.10.2")
+    monkeypatch.setenv("XLA_FLAGS", "--xla_some=1")
+    with pytest.warns(UserWarning, match=r"compile_quickly\(\) before the first computation"):
+        compiler.warn_of_slow_loops()
+    # Warnings are errors here: a second one would show.
+    compiler.warn_of_slow_loops()
+    for jaxlib, flags in (("0.10.2", ALL), ("0.12.0", "")):
+        monkeypatch.setattr(compiler, "_warned", False)
+        monkeypatch.setattr(compiler, "version", lambda _, v=jaxlib: v)
+        monkeypatch.setenv("XLA_FLAGS", flags)
+        compiler.warn_of_slow_loops()

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from iwanjax.compiler import warn_of_slow_loops
 from iwanjax.dynamics.coordinates import modal_coordinates
 from iwanjax.dynamics.energy import Energies, accounts
 from iwanjax.dynamics.error_estimate import group_size
@@ -168,6 +169,7 @@ def simulate(
         When JAX computes in float32.
     """
     require_double_precision("simulate")
+    warn_of_slow_loops()
     n = structure.structure.size
     rows_in = jnp.eye(n) if inputs is None else _rows(inputs, "inputs", n)
     rows_out = jnp.eye(n) if sensors is None else _rows(sensors, "sensors", n)
