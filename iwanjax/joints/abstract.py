@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, TypeAlias
+from typing import ClassVar, Literal, Protocol, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,6 +19,22 @@ Law: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """Deflection d -> (force, tangent stiffness) on the virgin curve, elementwise."""
 
 _HARMONIC_NODES = 64
+
+
+class HasCycles(Protocol):
+    """What an element does over steady cycles of amplitude |d|."""
+
+    def harmonic_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
+        """In-phase first harmonic over d."""
+        ...
+
+    def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Stiffness at the tips that a free decay's amplitude shrinks by."""
+        ...
+
+    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
+        """Energy lost in a cycle."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -187,6 +203,21 @@ class AbstractJoint(eqx.Module):
         # The unloading branch at d cos t is minus the loading branch at -d cos t.
         mean = -jnp.mean(self.loading(-safe * cosine, safe) * cosine, axis=0)
         return jnp.where(at_rest, self.initial_stiffness, 2.0 * mean / safe)
+
+    def after(self, d_max: ArrayLike) -> HasCycles:
+        """The element's cycles after one of a larger amplitude, as in a free decay.
+
+        Parameters
+        ----------
+        d_max : array_like
+            Largest amplitude so far, length; broadcasts against the cycles' own.
+
+        Returns
+        -------
+        HasCycles
+            The element itself unless it remembers (:class:`Iwan5` does).
+        """
+        return self
 
     def discrete(self, sliders: int | None = SLIDERS) -> AbstractDiscrete:
         """The element in motion, for integration in time; one parameter set.

@@ -4,12 +4,25 @@ from typing import ClassVar, Self
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.iwan import IWAN_PARAMETERS, AbstractIwan, physical_of
 from iwanjax.joints.power import is_positive, power
 from iwanjax.types import ArrayLike, Scalar, real
+
+# Gauss-Legendre nodes of a phase between two others, for the first harmonic.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+# Relative distance within which an amplitude is that at which the last threshold slips again.
+_BESIDE = 1e-9
+
+
+def ring_down_share(chi: Array, theta: Array) -> Array:
+    """R of the four-parameter element with the same ring-down over the element's own (4.47)."""
+    bracket = (1.0 - theta) * chi + 2.0
+    return bracket * 2.0 ** (chi + 1.0) / (1.0 + theta) ** (chi + 2.0)
 
 
 class Iwan5(AbstractIwan):
@@ -84,8 +97,7 @@ class Iwan5(AbstractIwan):
 
         Equivalent while the amplitude is below (1 + theta)/2 of the largest so far.
         """
-        bracket = (1.0 - self.theta) * self.chi + 2.0
-        return self.R * bracket * 2.0 ** (self.chi + 1.0) / (1.0 + self.theta) ** (self.chi + 2.0)
+        return self.R * ring_down_share(self.chi, self.theta)
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent), Eq. (4.5); theta F_S from phi_max on."""
@@ -161,30 +173,96 @@ class Iwan5(AbstractIwan):
         shape = jnp.select([regime == 0, regime == 1], [within, all_reslip], macroslip)
         return self.K_T * self.phi_max**2 * shape
 
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """Forward monotonic curve from -d_0 to d_0 after ring-up to d_0 (4.33, corrected).
+    def loading(
+        self, d: ArrayLike, d_0: ArrayLike, d_max: ArrayLike | None = None
+    ) -> Float[Array, "..."]:
+        """Loading branch of the steady cycle of amplitude d_0 (4.33, corrected), and macroslip.
 
         Parameters
         ----------
         d : array_like
             Deflection within [-d_0, d_0], length.
         d_0 : array_like
-            Largest amplitude so far, length; in macroslip too.
+            Amplitude, length; in macroslip too.
+        d_max : array_like, optional
+            Largest amplitude so far, as for :meth:`secant`.
         """
         d, d_0 = real(d), jnp.abs(real(d_0))
-        n, theta = self.chi + 1.0, self.theta
-        peak = d_0 / self.phi_max
-        slipped = jnp.where(peak < 1.0, peak, 1.0)
+        _, slipped, _, _ = self._cycle(d_0, d_max)
         travel = (d + d_0) / self.phi_max
-        w = travel / (1.0 + theta)
+        w = travel / (1.0 + self.theta)
         reslipping = w < slipped
-        w_n, v_n = power(jnp.where(reslipping, w, slipped), n), power(slipped, n)
+        w_n = power(jnp.where(reslipping, w, slipped), self.chi + 1.0)
         within = travel * (1.0 - w_n + w_n * self._reslipping)
-        kinetic = 2.0 * theta * n / ((1.0 + self.beta) * (n + 1.0)) * v_n * slipped
-        all_reslip = travel * (1.0 - v_n + v_n * self._remaining(0.0)) + kinetic
-        macroslip = 2.0 * theta * self._remaining(n / (n + 1.0))
-        rise = jnp.where(reslipping, within, jnp.where(peak < 1.0, all_reslip, macroslip))
-        return self.K_T * self.phi_max * rise - self.law()(d_0)[0]
+        held, slope = self._kinetic(slipped)
+        rise = jnp.where(reslipping, within, held + slope * travel)
+        return self.K_T * self.phi_max * rise - self.secant(d_0, d_max) * d_0
+
+    def harmonic_stiffness(
+        self, d: ArrayLike, d_max: ArrayLike | None = None
+    ) -> Float[Array, "..."]:
+        r"""In-phase first harmonic of the steady cycle d cos(t), over d.
+
+        From its lower tip the branch rises with :math:`\tau = u(1-\cos t)`, u = d/phi_max, as
+        a power of tau until all thresholds have slipped again, at the phase :math:`t_1`, then
+        on a line:
+
+        .. math:: k_1 = -\frac{2K_T}{\pi u}\left[\int_0^{t_1}\left(\tau - (1-r)\,\tau
+                  \Big(\frac{\tau}{1+\theta}\Big)^{\chi+1}\right)\cos t\,dt
+                  + \int_{t_1}^{\pi}(A + B\tau)\cos t\,dt\right]
+
+        where 1 - r is the share of (4.35). The power by quadrature over its own phases, which
+        leaves it smooth; the rest in closed form, so that neither the kink at :math:`t_1` nor
+        the drop of the Dirac slider there costs accuracy.
+
+        Parameters
+        ----------
+        d, d_max : array_like
+            As for :meth:`secant`.
+        """
+        u, slipped, _, regime = self._cycle(d, d_max)
+        n, theta = self.chi + 1.0, self.theta
+        # All that ever slipped slips again where the way from tip to tip is long enough.
+        share = jnp.where(regime > 0, 0.5 * (1.0 + theta) * slipped, 1.0)
+        share = share / jnp.where(regime > 0, u, 1.0)
+        partly = (regime > 0) & (share < 1.0 - _BESIDE)
+        half = jnp.arcsin(jnp.sqrt(jnp.where(partly, share, 0.5)))
+        t_1 = jnp.where(partly, 2.0 * half, jnp.pi)
+        line = jnp.sin(t_1) - 0.5 * t_1 - 0.25 * jnp.sin(2.0 * t_1)
+        column = (-1, *(1,) * jnp.ndim(t_1 * n))
+        t = t_1 * _NODES.reshape(column)
+        # (1 - cos t)^(n + 1): t is positive at each node.
+        powers = jnp.exp((n + 1.0) * jnp.log(2.0 * jnp.sin(0.5 * t) ** 2))
+        bent = t_1 * jnp.sum(_WEIGHTS.reshape(column) * powers * jnp.cos(t), axis=0)
+        drop = power(u / (1.0 + theta), n) * (1.0 - self._reslipping)
+        held, slope = self._kinetic(slipped)
+        held = held / jnp.where(partly, u, 1.0)
+        beyond = -held * jnp.sin(t_1) - slope * (0.5 * jnp.pi + line)
+        whole = line - drop * bent + jnp.where(partly, beyond, 0.0)
+        return -2.0 / jnp.pi * self.K_T * whole
+
+    def tip_stiffness(self, d: ArrayLike, d_max: ArrayLike | None = None) -> Float[Array, "..."]:
+        r"""Stiffness at the tips that a free decay's amplitude shrinks by.
+
+        What matters is that a branch depends on the way from its tip alone, as (4.34) does:
+        then half of its rise from tip to tip is the force at a tip of amplitude d,
+        :math:`G(d) = d\,K_{sec}(d, d_{max})`, and half a cycle's energy balance gives
+        :math:`D/2 = d\,G'(d)\,\delta` with d_max as it is. For theta = 1 that is the tangent.
+
+        Parameters
+        ----------
+        d, d_max : array_like
+            As for :meth:`secant`.
+        """
+        _, slipped, cycle, regime = self._cycle(d, d_max)
+        n = self.chi + 1.0
+        within = 1.0 - (n + 1.0) * power(cycle, n) * (1.0 - self._reslipping)
+        _, slope = self._kinetic(slipped)
+        return self.K_T * jnp.where(regime == 0, within, slope)
+
+    def after(self, d_max: ArrayLike) -> "RungDown":
+        """Its cycles after a larger one: (4.35), (4.36) instead of the ring-up's."""
+        return RungDown(self, real(d_max))
 
     def _remaining(self, part: Scalar) -> Array:
         """1 - rho (1 - part), without the difference of near equals where beta is small."""
@@ -195,6 +273,19 @@ class Iwan5(AbstractIwan):
         """Secant of the loading branch over K_T when the last threshold slips again (4.35)."""
         n = self.chi + 1.0
         return self._remaining(2.0 * self.theta * n / ((n + 1.0) * (1.0 + self.theta)))
+
+    def _kinetic(self, slipped: Array) -> tuple[Array, Array]:
+        """Rise and slope of a branch once all that ever slipped has slipped again (4.34).
+
+        In macroslip nothing is left to stick; over K_T phi_max and K_T.
+        """
+        n, theta = self.chi + 1.0, self.theta
+        micro = slipped < 1.0
+        v_n = power(slipped, n)
+        kinetic = 2.0 * theta * n / ((1.0 + self.beta) * (n + 1.0)) * v_n * slipped
+        macroslip = 2.0 * theta * self._remaining(n / (n + 1.0))
+        slope = 1.0 - v_n + v_n * self._remaining(0.0)
+        return jnp.where(micro, kinetic, macroslip), jnp.where(micro, slope, 0.0)
 
     def _cycle(self, d: ArrayLike, d_max: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
         """Normalised amplitude, largest slipped threshold, largest reslipping one, and regime.
@@ -210,3 +301,30 @@ class Iwan5(AbstractIwan):
         partial = (cycle < slipped) | ~is_positive(u)
         regime = jnp.where(partial, 0, jnp.where(largest < 1.0, 1, 2))
         return u, slipped, jnp.where(partial, cycle, slipped), regime
+
+
+class RungDown(eqx.Module):
+    """Cycles of a five-parameter element that has seen a larger amplitude.
+
+    Parameters
+    ----------
+    joint : Iwan5
+        The element.
+    d_max : array
+        Largest amplitude so far, length; where a cycle is larger, that one.
+    """
+
+    joint: Iwan5
+    d_max: Array
+
+    def harmonic_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
+        """In-phase first harmonic over d."""
+        return self.joint.harmonic_stiffness(d, self.d_max)
+
+    def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
+        """Stiffness at the tips that a free decay's amplitude shrinks by."""
+        return self.joint.tip_stiffness(d, self.d_max)
+
+    def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
+        """Energy per cycle, force x length."""
+        return self.joint.dissipation(d, self.d_max, omega=omega)
