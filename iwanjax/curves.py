@@ -3,6 +3,7 @@
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -37,6 +38,9 @@ class ModalCurves(eqx.Module):
         Unit of ``amplitude`` for labels, for instance ``"mm"``.
     name : str
         Name of the mode for legends.
+    largest : (...) array_like, optional
+        Largest amplitude that the mode had reached before or in the measurement, in ``unit``: what
+        a joint with memory goes by (:class:`iwanjax.Iwan5`). None where only the levels are known.
 
     Raises
     ------
@@ -53,6 +57,7 @@ class ModalCurves(eqx.Module):
     quantity: str = eqx.field(static=True)
     unit: str = eqx.field(static=True)
     name: str = eqx.field(static=True)
+    largest: Float[Array, "*batch"] | None
 
     def __init__(
         self,
@@ -66,6 +71,7 @@ class ModalCurves(eqx.Module):
         quantity: str = "modal displacement",
         unit: str = "",
         name: str = "",
+        largest: ArrayLike | None = None,
     ):
         self.amplitude = real(amplitude)
         self.frequency = self._matched(frequency, "frequency")
@@ -74,6 +80,7 @@ class ModalCurves(eqx.Module):
         self.frequency_std = self._deviation(frequency_std, "frequency_std")
         self.damping_std = self._deviation(damping_std, "damping_std")
         self.quantity, self.unit, self.name = quantity, unit, name
+        self.largest = None if largest is None else real(largest)
 
     def scaled(self, factor: ArrayLike, quantity: str, unit: str = "") -> "ModalCurves":
         """The same curves against another amplitude, proportional to the present one.
@@ -90,9 +97,17 @@ class ModalCurves(eqx.Module):
         -------
         ModalCurves
         """
-        factor, amplitude, deviation = (
-            _plain(each) for each in (factor, self.amplitude, self.amplitude_std)
+        factor, amplitude, deviation, largest = (
+            _plain(each) for each in (factor, self.amplitude, self.amplitude_std, self.largest)
         )
+        if largest is not None and np.shape(factor):
+            # Beyond the levels the factor is that of the highest.
+            xp: Any = np if isinstance(factor, np.ndarray) else jnp
+            highest = xp.argmax(amplitude, axis=-1)[..., None]
+            broad = xp.broadcast_to(factor, amplitude.shape)
+            largest = largest * xp.take_along_axis(broad, highest, axis=-1)[..., 0]
+        elif largest is not None:
+            largest = largest * factor
         return ModalCurves(
             amplitude * factor,
             self.frequency,
@@ -103,6 +118,7 @@ class ModalCurves(eqx.Module):
             quantity=quantity,
             unit=unit,
             name=self.name,
+            largest=largest,
         )
 
     def as_quantity(self, quantity: str, unit: str = "") -> "ModalCurves":

@@ -73,15 +73,19 @@ class WithForce(AbstractProblem):
 
     def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
         """What a ring-down shows at the measured amplitudes."""
-        return self.at(theta, self.measured.q, self.unit)
+        return self.at(theta, self.measured.q, self.unit, self.measured.largest)
 
     def at(
-        self, theta: Float[Array, " parameters"], q: Float[Array, " levels"], unit: Beside
+        self,
+        theta: Float[Array, " parameters"],
+        q: Float[Array, " levels"],
+        unit: Beside,
+        largest: Array | None,
     ) -> tuple[Array, Array]:
         """What it shows at others, where the force of unit size does what ``unit`` says."""
         oscillator = self.base.model(theta[:-1])
         further = jax.tree.map(lambda each: theta[-1] * each, unit)
-        f, zeta = oscillator.ringdown_frequency_and_damping(q, further)
+        f, zeta = oscillator.ringdown_frequency_and_damping(q, further, largest=largest)
         return jnp.where(oscillator.K_inf > 0, f, jnp.nan), zeta
 
 
@@ -132,11 +136,12 @@ class CurveFit:
 
     def predicted(self, curves: ModalCurves, which: int = 0) -> ModalCurves:
         """The model at the amplitudes of other curves of the mode, whichever it is."""
-        q = curves.as_quantity("displacement").amplitude
+        seen = curves.as_quantity("displacement")
+        q = seen.amplitude
         unit = _nothing(len(q))
         if self.force is not None:
             unit = beside(self.force.kind, self.force.shape, np.asarray(about(q)), self.omega)
-        f, zeta = self.problem.at(jnp.asarray(self.theta), q, unit)
+        f, zeta = self.problem.at(jnp.asarray(self.theta), q, unit, seen.largest)
         return ModalCurves(
             curves.amplitude, f, zeta, quantity=curves.quantity, unit=curves.unit, name=curves.name
         )

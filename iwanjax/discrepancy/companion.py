@@ -93,15 +93,19 @@ class WithCompanion(AbstractProblem):
 
     def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
         """What a ring-down shows at the measured amplitudes."""
-        return self.at(theta, self.measured.q, self.other)
+        return self.at(theta, self.measured.q, self.other, self.measured.largest)
 
     def at(
-        self, theta: Float[Array, " parameters"], q: Float[Array, " N"], other: Float[Array, " N"]
+        self,
+        theta: Float[Array, " parameters"],
+        q: Float[Array, " N"],
+        other: Float[Array, " N"],
+        largest: Array | None,
     ) -> tuple[Array, Array]:
         """What it shows at others."""
         oscillator = self.base.model(theta[:-1])
         further = moved_by_both(oscillator.joint, q, theta[-1] * other, self.omega, self.steps)
-        f, zeta = oscillator.ringdown_frequency_and_damping(q, further)
+        f, zeta = oscillator.ringdown_frequency_and_damping(q, further, largest=largest)
         return jnp.where(oscillator.K_inf > 0, f, jnp.nan), zeta
 
 
@@ -205,9 +209,9 @@ class CoupledFit:
 
     def predicted(self, curves: ModalCurves, which: int) -> ModalCurves:
         """The model at the amplitudes of the curve of this number."""
-        q = curves.as_quantity("displacement").amplitude
+        seen = curves.as_quantity("displacement")
         other = jnp.asarray(self.companion.amplitude[which])
-        f, zeta = _at(self.problem, jnp.asarray(self.theta), q, other)
+        f, zeta = _at(self.problem, jnp.asarray(self.theta), seen.amplitude, other, seen.largest)
         return ModalCurves(
             curves.amplitude, f, zeta, quantity=curves.quantity, unit=curves.unit, name=curves.name
         )
@@ -215,7 +219,9 @@ class CoupledFit:
     def correlation(self) -> float:
         """Correlation time of the residuals in levels, mean over the curves."""
         problem = self.problem
-        found = _at(problem, jnp.asarray(self.theta), problem.measured.q, problem.other)
+        measured = problem.measured
+        theta = jnp.asarray(self.theta)
+        found = _at(problem, theta, measured.q, problem.other, measured.largest)
         both = np.stack([np.asarray(x) for x in problem.compared(*found)], axis=1)
         parts = (both[part] for part in problem.measured.slices)
         return float(np.mean([correlation_time(part[None]) for part in parts]))
@@ -306,5 +312,7 @@ def _with(base: ModalProblem, companion: Companion) -> WithCompanion:
 
 
 @eqx.filter_jit
-def _at(problem: WithCompanion, theta: Array, q: Array, other: Array) -> tuple[Array, Array]:
-    return problem.at(theta, q, other)
+def _at(
+    problem: WithCompanion, theta: Array, q: Array, other: Array, largest: Array | None
+) -> tuple[Array, Array]:
+    return problem.at(theta, q, other, largest)

@@ -89,7 +89,8 @@ def offset(measured: ModalCurves, frequency: object) -> float:
 
 def _at(model: ModalOscillator, curve: ModalCurves) -> ModalCurves:
     """An oscillator at the amplitudes of a curve."""
-    f, zeta = model.ringdown_frequency_and_damping(curve.as_quantity("displacement").amplitude)
+    seen = curve.as_quantity("displacement")
+    f, zeta = model.ringdown_frequency_and_damping(seen.amplitude, largest=seen.largest)
     return ModalCurves(
         curve.amplitude, f, zeta, quantity=curve.quantity, unit=curve.unit, name=curve.name
     )
@@ -157,7 +158,8 @@ def _prediction(
         else:
             model = problem.model(theta)
             assert isinstance(model, ModalOscillator)
-            predicted = model.ringdown_frequency_and_damping(q)
+            largest = jnp.max(problem.measured.largest)
+            predicted = model.ringdown_frequency_and_damping(q, largest=largest)
         return predicted, predicted
 
     slopes, predicted = jax.jacfwd(predict, has_aux=True)(theta)

@@ -23,6 +23,8 @@ _FEWEST_INTERVALS = 3
 _LEAST_DECAY = 0.8
 # or as many deviations of its noise, where it falls by less.
 _CLEAR_DECAY = 30.0
+# A normal deviation over the median of its size.
+_NORMAL = 1.4826
 # Deviations by which a damping is negative for sure; scatter of its logarithm from level to
 # level which no joint shows, and levels needed to tell.
 _SURE, _LARGEST_SCATTER, _ENOUGH_FOR_SCATTER = 4.0, 0.2, 8
@@ -127,9 +129,14 @@ def ringdown(
     amplitude. The envelope of displacement shows more, by twice
     :math:`-\mathrm{d}\ln\omega/\mathrm{d}\ln q` (checked against discrete sliders).
 
+    **Largest amplitude.** ``curves.largest`` is that of the band-passed record up to the decay's
+    end, forced motion included: joints with memory go by it. After a sudden hit the filter makes
+    it up to 4 per cent too large.
+
     **Deviations** come from the noise that each interval's own residual shows near the
     carrier, carried through the fits; twice the correction from average to midpoint is
-    added where it exceeds its own noise, as beside the kink at the onset of macroslip. They
+    added where it exceeds its own noise, as beside the kink at the onset of macroslip, and what an
+    interval's line bends more than its neighbours explain, as upon a step. They
     do not know of other modes in the band, of
     temperature, or of the next hit's bolts: see :func:`merge_curves`.
 
@@ -187,8 +194,12 @@ def ringdown(
     lines = _fit_lines(psi_1, psi_2, sampling_rate, edges, noise.at(edges))
     passed = np.log(band_pass_gain(lines.omega / (2.0 * math.pi), band, order))
     lines = _before_the_filter(lines, passed)
-    curves = _curves(lines, QUANTITIES[quantity], quantity, unit, name)
-    _refuse_beats(curves, band)
+    # From where the record begins: the hit itself may have gone further than what is left of it.
+    whole = analytic_signal(centred(x[: span.stop]), sampling_rate, band, order)
+    largest = float(np.max(np.abs(whole))) / float(np.exp(passed[0]))
+    curves = _curves(lines, QUANTITIES[quantity], largest, quantity=quantity, unit=unit, name=name)
+    # A beat bends lines as well: by what the noise leaves of them it is seen.
+    _refuse_beats(_curves(lines, QUANTITIES[quantity], largest, steps=False), band)
     begin = span.first / sampling_rate
     return RingDown(
         curves,
@@ -213,6 +224,8 @@ class _Lines:
     rate: np.ndarray
     omega: np.ndarray
     slope_variance: np.ndarray
+    rate_bend: np.ndarray
+    omega_bend: np.ndarray
 
 
 def _fit_lines(
@@ -229,6 +242,7 @@ def _fit_lines(
         t = np.arange(a, b) / sampling_rate
         middle = 0.5 * (t[0] + t[-1])
         lever = (t - middle) / np.sum((t - middle) ** 2)
+        bend = _bend(t)
         mean = np.full(t.size, 1.0 / t.size)
         # In-phase noise of the envelope and of the phase, relative to the amplitude.
         variance = 0.5 * (density[i] + density[i + 1]) * sampling_rate * np.exp(-2.0 * psi_1[a:b])
@@ -241,9 +255,18 @@ def _fit_lines(
                 lever @ psi_1[a:b],
                 lever @ psi_2[a:b],
                 lever**2 @ variance,
+                bend @ psi_1[a:b],
+                bend @ psi_2[a:b],
             )
         )
     return _Lines(*np.array(rows).T)
+
+
+def _bend(t: np.ndarray) -> np.ndarray:
+    """Weights for the slope over the second half of an interval less that over the first."""
+    halves = np.array_split(t, 2)
+    levers = [(part - part.mean()) / np.sum((part - part.mean()) ** 2) for part in halves]
+    return np.concatenate([-levers[0], levers[1]])
 
 
 def _before_the_filter(lines: _Lines, passed: np.ndarray) -> _Lines:
@@ -258,7 +281,9 @@ def _before_the_filter(lines: _Lines, passed: np.ndarray) -> _Lines:
     )
 
 
-def _curves(lines: _Lines, derivatives: int, quantity: str, unit: str, name: str) -> ModalCurves:
+def _curves(
+    lines: _Lines, derivatives: int, largest: float, *, steps: bool = True, **labels: str
+) -> ModalCurves:
     """Values at the midpoints from the lines' averages, and what follows from them."""
     to_middle, to_slope = _midpoint_operators(lines.middle, lines.width)
     rate, omega = to_middle @ lines.rate, to_middle @ lines.omega
@@ -267,14 +292,26 @@ def _curves(lines: _Lines, derivatives: int, quantity: str, unit: str, name: str
     # What the noise does to a correction is in its variance already.
     own = _SURE * (correction**2 @ lines.slope_variance)
 
-    def left(slopes: np.ndarray) -> np.ndarray:
-        return _DOUBT**2 * np.maximum((correction @ slopes) ** 2 - own, 0.0)
+    # A slope over half an interval has eight times the variance.
+    bend_variance = 16.0 * lines.slope_variance
+
+    def left(slopes: np.ndarray, bend: np.ndarray) -> np.ndarray:
+        # A step within an interval bends its line more than the neighbours' slopes do, and the
+        # value at the middle is that of either side: they alone would not tell.
+        step = bend - 0.5 * (to_slope @ slopes) * lines.width
+        # What bends all lines, such as a beat, is none.
+        common = _NORMAL * np.median(np.abs(step))
+        own_bend = _SURE**2 * np.maximum(bend_variance, common**2)
+        more = np.maximum(step**2 - own_bend, 0.0) if steps else 0.0
+        return _DOUBT**2 * np.maximum((correction @ slopes) ** 2 - own, 0.0) + more
 
     # A line at its middle is the mean, which lies off the curve by its curvature.
     height = lines.height - to_slope @ lines.rate * lines.width**2 / 24.0
     amplitude = np.exp(height)
     convention = (2 - derivatives) * (to_slope @ lines.omega) / omega
-    rate_std = np.sqrt(noise + left(lines.rate) + (_DOUBT_OF_CONVENTION * convention) ** 2)
+    rate_std = np.sqrt(
+        noise + left(lines.rate, lines.rate_bend) + (_DOUBT_OF_CONVENTION * convention) ** 2
+    )
     rate = rate + convention
     natural = np.hypot(omega, rate)
     return ModalCurves(
@@ -282,11 +319,10 @@ def _curves(lines: _Lines, derivatives: int, quantity: str, unit: str, name: str
         natural / (2.0 * math.pi),
         -rate / natural,
         amplitude_std=amplitude * np.sqrt(lines.height_variance),
-        frequency_std=np.sqrt(noise + left(lines.omega)) / (2.0 * math.pi),
+        frequency_std=np.sqrt(noise + left(lines.omega, lines.omega_bend)) / (2.0 * math.pi),
         damping_std=rate_std / natural,
-        quantity=quantity,
-        unit=unit,
-        name=name,
+        largest=max(largest, float(np.max(amplitude))),
+        **labels,
     )
 
 
@@ -370,5 +406,5 @@ def _local_scatter(y: np.ndarray) -> float:
     """
     weights = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6.0
     off = np.convolve(y, weights, mode="valid") - y[2:-2]
-    # A normal deviation is 1.48 times the median of its size; the neighbours scatter as well.
-    return float(1.4826 * np.median(np.abs(off)) / np.sqrt(1.0 + weights @ weights))
+    # The neighbours scatter as well.
+    return float(_NORMAL * np.median(np.abs(off)) / np.sqrt(1.0 + weights @ weights))

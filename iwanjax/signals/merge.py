@@ -58,6 +58,7 @@ class MergedCurves:
             quantity=c.quantity,
             unit=c.unit,
             name=c.name,
+            largest=c.largest,
         )
 
     @property
@@ -85,6 +86,7 @@ class MergedCurves:
             quantity=hit.quantity,
             unit=hit.unit,
             name=hit.name,
+            largest=hit.largest,
         )
 
 
@@ -95,6 +97,9 @@ def merge_curves(curves: Sequence[ModalCurves], levels: int | None = None) -> Me
     between its points. Its weight is :math:`w_h = 1/(s_h^2 + \tau^2)`; the variance
     :math:`\tau^2` from hit to hit is the part of the scatter that the :math:`s_h` do not
     explain (DerSimonian and Laird 1986), averaged over neighbouring levels.
+
+    With a joint that remembers its largest amplitude (:class:`iwanjax.Iwan5`) hits of different
+    strength have curves of their own: fit those side by side instead.
 
     Parameters
     ----------
@@ -133,6 +138,7 @@ def merge_curves(curves: Sequence[ModalCurves], levels: int | None = None) -> Me
     reached = np.isfinite(frequency.values).sum(axis=0)
     keep = reached >= 2
     first = hits[0]
+    known = [float(hit.largest) for hit in hits if hit.largest is not None]
     merged = ModalCurves(
         np.exp(at[keep]),
         frequency.mean[keep],
@@ -142,6 +148,7 @@ def merge_curves(curves: Sequence[ModalCurves], levels: int | None = None) -> Me
         quantity=first.quantity,
         unit=first.unit,
         name=first.name,
+        largest=max(known) if len(known) == len(hits) else None,
     )
     return MergedCurves(
         merged,

@@ -17,7 +17,7 @@ from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.parameters import Parameter, drawn, replaced, with_values
 from iwanjax.updating.problem import AbstractProblem, Reference
-from iwanjax.updating.search import search, within_bounds
+from iwanjax.updating.search import Search, search, within_bounds
 from iwanjax.updating.solution import FitSolution, certainty, point
 from iwanjax.updating.structural import structural_parameters, structural_problem
 
@@ -140,6 +140,13 @@ def solve(
         found = search(problem, jnp.asarray(draws), min(starts, _RUNS))
     cost = np.asarray(found.cost)
     best = int(np.argmin(cost))
+    further = problem.restarts(np.asarray(found.theta[best]), starts)
+    if further is not None:
+        # As many again: one compiled search serves both.
+        again = search(problem, jnp.asarray(further), min(starts, _RUNS))
+        found = Search(*(jnp.concatenate(pair) for pair in zip(found, again, strict=True)))
+        cost = np.asarray(found.cost)
+        best = int(np.argmin(cost))
     if not np.isfinite(cost[best]):
         raise InputError(
             "fit: no start gave finite residuals; are the amplitudes in the unit that the model "
@@ -202,6 +209,7 @@ def predicted_curves(
             quantity=each.quantity,
             unit=each.unit,
             name=each.name,
+            largest=each.largest,
         )
         for each, part in zip(curves, problem.measured.slices, strict=True)
     )

@@ -1,5 +1,6 @@
 """Fitting one oscillator of unit modal mass with a joint to the curves of its mode."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -12,6 +13,7 @@ from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, ParameterInfo
 from iwanjax.joints.iwan import AbstractIwan, phi_max_of
+from iwanjax.joints.iwan5 import Iwan5, ring_down_share
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.structures.small import solve_spd
 from iwanjax.updating.parameters import Chart, Parameter, Transform
@@ -23,6 +25,10 @@ from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check
 _WIDE = 1.5
 # Where starts put phi_max: logarithms of ratios to the largest amplitude.
 _RANGE_BELOW, _RANGE_ABOVE = 3.0, 2.0
+# How far from where the best start has left it a kink is tried again, in its logarithm: four of
+# the intervals of 8 per cent that a ring-down has by default, two places in each; and with how
+# many values of theta.
+_KINK, _THETAS = 0.3, 4
 
 
 class ModalProblem(AbstractProblem):
@@ -43,7 +49,8 @@ class ModalProblem(AbstractProblem):
         NaN where the joint would be stiffer than the mode: no search or walk goes there.
         """
         model = self.model(theta)
-        f, zeta = model.ringdown_frequency_and_damping(self.measured.q)
+        measured = self.measured
+        f, zeta = model.ringdown_frequency_and_damping(measured.q, largest=measured.largest)
         return jnp.where(model.K_inf > 0, f, jnp.nan), zeta
 
     def model(self, theta: Float[Array, " parameters"]) -> ModalOscillator:
@@ -72,8 +79,9 @@ class ModalProblem(AbstractProblem):
         measured = self.measured
         joint = self.model(theta).joint
         omega = 2.0 * math.pi * measured.frequency
-        yielded = joint.initial_stiffness - joint.harmonic_stiffness(measured.q)
-        loss = joint.dissipation(measured.q, omega=omega)
+        cycles = joint.after(measured.largest)
+        yielded = joint.initial_stiffness - cycles.harmonic_stiffness(measured.q)
+        loss = cycles.dissipation(measured.q, omega=omega)
         zero = jnp.zeros_like(omega)
         weight_f = 1.0 / (2.0 * omega * 2.0 * math.pi * measured.frequency_std)
         weight_z = 1.0 / measured.damping_std
@@ -104,6 +112,29 @@ class ModalProblem(AbstractProblem):
             found |= {"phi_max": model.joint.phi_max, "R": model.joint.R, "S": model.joint.S}
         return found
 
+    def remarks(self, values: Mapping[str, float], determined: Mapping[str, bool]) -> list[str]:
+        r"""Of a five-parameter joint, whether the decays reach where theta shows.
+
+        What slipped at the largest amplitude slips again while a cycle is above
+        :math:`(1+\theta)/2` of that; below, (4.47) makes the curves those of theta = 1.
+        """
+        joint = self.model(jnp.asarray([values[name] for name in self.names])).joint
+        if not isinstance(joint, Iwan5):
+            return []
+        q, largest = (np.asarray(x) for x in (self.measured.q, self.measured.largest))
+        above = q >= 0.5 * (1.0 + values["theta"]) * np.minimum(largest, float(joint.phi_max))
+        if determined.get("theta", np.any(above)):
+            return []
+        highest = float(np.max(q / largest))
+        return [
+            f"theta is not determined: it shows only above (1 + theta)/2 of the largest amplitude "
+            f"of a decay (or of phi_max, where that is less), where {np.sum(above)} of {q.size} "
+            "levels lie; below, the curves are those of theta = 1 with another R. The highest "
+            f"level is at {highest:.2g} of its decay's largest amplitude: no theta above "
+            f"{max(0.0, 2.0 * highest - 1.0):.2g} is excluded by what is not seen. Measure nearer "
+            "to the largest amplitude."
+        ]
+
 
 class ModalIwanProblem(ModalProblem):
     r"""The same with an Iwan joint, in variables that suit microslip data.
@@ -114,7 +145,8 @@ class ModalIwanProblem(ModalProblem):
     .. math:: c = \frac{K_T}{(1+\beta)(\chi+2)}\left(\frac{q_r}{\phi_{max}}\right)^{\chi+1},
 
     so that the parameters themselves lie on thin curved ridges. Here c and phi_max take the
-    places of K_T and F_S.
+    places of K_T and F_S. With a theta it is c times (4.47)'s share that they know, below
+    (1 + theta)/2 of the largest amplitude, and that is c here.
     """
 
     q_ref: Array
@@ -123,6 +155,7 @@ class ModalIwanProblem(ModalProblem):
         """Parameters of (f_0, zeta_0, phi_max, c, chi, beta, ...), each in its own transform."""
         f_0, zeta_0, phi_max, drop, chi, beta, *kinetic = self.chart.to_values(z)
         n = chi + 2.0
+        drop = drop / self._share(chi, kinetic)
         K_T = drop * n * (1.0 + beta) * (phi_max / self.q_ref) ** (n - 1.0)
         F_S = K_T * phi_max * (beta + (n - 1.0) / n) / (1.0 + beta)
         return jnp.stack([f_0, zeta_0, F_S, K_T, chi, beta, *kinetic])
@@ -133,7 +166,11 @@ class ModalIwanProblem(ModalProblem):
         n = chi + 2.0
         phi_max = phi_max_of(F_S, K_T, chi, beta)
         drop = K_T / (n * (1.0 + beta)) * (self.q_ref / phi_max) ** (n - 1.0)
+        drop = drop * self._share(chi, kinetic)
         return self.chart.to_variables(jnp.stack([f_0, zeta_0, phi_max, drop, chi, beta, *kinetic]))
+
+    def _share(self, chi: Array, kinetic: Sequence[Array]) -> Array:
+        return ring_down_share(chi, *kinetic) if kinetic else jnp.ones_like(chi)
 
     def spread(self, draws: np.ndarray) -> np.ndarray:
         """All but the first start with phi_max evenly over the measured range and beyond.
@@ -150,6 +187,28 @@ class ModalIwanProblem(ModalProblem):
         spread[1:, 2] = (K_T * phi_max * remaining)[1:]
         order = np.argsort(spread[:, 2] / (spread[:, 3] * remaining))
         return spread[order]
+
+    def restarts(self, theta: np.ndarray, count: int) -> np.ndarray | None:
+        """Of a five-parameter joint: other theta, with the kink of the curves near where it is.
+
+        That lies at (1 + theta)/2 of phi_max or of the largest amplitude, whichever is less. The
+        gaps between measured amplitudes in which it may lie are valleys of their own, which an
+        estimate does not leave when it moves theta alone.
+        """
+        if "theta" not in self.names:
+            return None
+        at, kinks = self.names.index("theta"), -(-count // _THETAS)
+        z = self.to_variables(jnp.asarray(theta))
+        tried = (np.arange(_THETAS) + 0.5) / _THETAS
+        shift = np.exp(_KINK * np.linspace(-1.0, 1.0, kinks))
+        rows = []
+        # Of each place for the kink the best theta is run.
+        for moved, kinetic in itertools.islice(itertools.product(shift, tried), count):
+            values = np.array(self.chart.to_values(z))
+            values[2] *= moved * (1.0 + theta[at]) / (1.0 + kinetic)
+            values[at] = kinetic
+            rows.append(self.to_values(self.chart.to_variables(jnp.asarray(values))))
+        return np.asarray(jnp.stack(rows))
 
 
 def modal_problem(

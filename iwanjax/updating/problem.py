@@ -30,6 +30,9 @@ class Measured(eqx.Module):
         Displacement amplitude of the model's coordinate.
     frequency, damping, frequency_std, damping_std : (N,) array
         Hz and 1.
+    largest : (N,) array
+        Largest amplitude that the mode had reached by then, as q: what the level's own curve says
+        of it, or else its highest level.
     edges : tuple of int
         Where each curve begins, and N.
     """
@@ -39,6 +42,7 @@ class Measured(eqx.Module):
     damping: Float[Array, " N"]
     frequency_std: Float[Array, " N"]
     damping_std: Float[Array, " N"]
+    largest: Float[Array, " N"]
     edges: tuple[int, ...] = eqx.field(static=True)
 
     @classmethod
@@ -58,8 +62,8 @@ class Measured(eqx.Module):
             for i, (each, factor) in enumerate(zip(curves, factors, strict=True))
         ]
         edges = np.concatenate([[0], np.cumsum([column.shape[1] for column in columns])])
-        q, f, zeta, f_std, zeta_std = (real(row) for row in np.hstack(columns))
-        return cls(q, f, zeta, f_std, zeta_std, tuple(int(e) for e in edges))
+        q, f, zeta, f_std, zeta_std, largest = (real(row) for row in np.hstack(columns))
+        return cls(q, f, zeta, f_std, zeta_std, largest, tuple(int(e) for e in edges))
 
     @property
     def slices(self) -> tuple[slice, ...]:
@@ -81,7 +85,9 @@ def _columns(i: int, curves: ModalCurves, factor: float) -> np.ndarray:
             f"{label} has shape {curves.amplitude.shape}; expected (levels,) with at least "
             f"{_FEWEST_LEVELS}"
         )
-    displacement = curves.as_quantity("displacement").amplitude * factor
+    seen = curves.as_quantity("displacement")
+    displacement = np.asarray(seen.amplitude) * factor
+    told = -np.inf if seen.largest is None else float(seen.largest) * factor
     rows = np.stack(
         [
             np.asarray(row)
@@ -91,11 +97,12 @@ def _columns(i: int, curves: ModalCurves, factor: float) -> np.ndarray:
                 curves.damping,
                 curves.frequency_std,
                 curves.damping_std,
+                np.full(displacement.shape, max(told, float(np.max(displacement)))),
             )
         ]
     )
     for name, row in zip(
-        ("amplitude", "frequency", "", "frequency_std", "damping_std"), rows, strict=True
+        ("amplitude", "frequency", "", "frequency_std", "damping_std", "largest"), rows, strict=True
     ):
         if not np.all(np.isfinite(row)):
             raise InputError(f"{label} holds NaN; take those levels out")
@@ -148,6 +155,14 @@ class AbstractProblem(AbstractLeastSquares):
     def spread(self, draws: np.ndarray) -> np.ndarray:
         """Starts (starts, parameters) moved so that neighbouring valleys all get some, in order."""
         return draws
+
+    def restarts(self, theta: np.ndarray, count: int) -> np.ndarray | None:
+        """As many further starts about the best end, where valleys lie side by side; in order."""
+        return None
+
+    def remarks(self, values: Mapping[str, float], determined: Mapping[str, bool]) -> list[str]:
+        """What else is to be said of an estimate, in sentences."""
+        return []
 
     def derived(self, theta: Float[Array, " parameters"]) -> Mapping[str, Array]:
         """What follows from the parameters and is worth reporting with its deviation."""

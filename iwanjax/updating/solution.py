@@ -153,6 +153,8 @@ class FitSolution:
                 "leaves open)"
                 for direction in self.undetermined
             ]
+        remarks = self.problem.remarks(self.values, self.determined)
+        lines += [line for remark in remarks for line in ("", f"  {remark}")]
         return "\n".join(lines)
 
     def _headline(self) -> str:

@@ -129,8 +129,9 @@ def _predictions(solution: FitSolution, mode: MeasuredMode) -> tuple[HeldOut, ..
     found = []
     for hit in mode.held_out:
         measured = hit.curves
-        q = measured.as_quantity("displacement").amplitude
-        f, zeta = (np.asarray(x) for x in model.ringdown_frequency_and_damping(q))
+        seen = measured.as_quantity("displacement")
+        predicted = model.ringdown_frequency_and_damping(seen.amplitude, largest=seen.largest)
+        f, zeta = (np.asarray(x) for x in predicted)
         known, std = np.asarray(measured.damping), np.asarray(measured.damping_std)
         # Where the damping itself is hardly known an error of it means nothing.
         trusted = std < 0.1 * known
