@@ -6,6 +6,7 @@ from iwanjax.joints.catalogue import JOINTS, joint_type, register_joint
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 from iwanjax.joints.drag import QuadraticDrag
+from iwanjax.joints.fronts import SlipFronts
 from iwanjax.joints.hysteresis import hysteresis
 from iwanjax.joints.iwan import DISTRIBUTION_PARAMETERS
 from iwanjax.joints.iwan4 import Iwan4
@@ -46,6 +47,7 @@ __all__ = [
     "Reaction",
     "Reversals",
     "SliderBank",
+    "SlipFronts",
     "Tabulated",
     "hysteresis",
     "joint_type",

@@ -7,9 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.errors import InputError
 from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.discrete import AbstractDiscrete
+from iwanjax.joints.fronts import SlipFronts
 from iwanjax.joints.iwan import IWAN_PARAMETERS, AbstractIwan, physical_of
 from iwanjax.joints.power import is_positive, power
+from iwanjax.joints.sliders import SLIDERS
 from iwanjax.types import ArrayLike, Scalar, real
 
 # Gauss-Legendre nodes of a phase between two others, for the first harmonic.
@@ -17,6 +21,10 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 # Relative distance within which an amplitude is that at which the last threshold slips again.
 _BESIDE = 1e-9
+# Sliders of a bank for each segment between slip fronts, and segments at least and at most: 20 by
+# default, within 0.1 per cent of 20 000 sliders over random histories, beats and decays; with 12 it
+# is 3.6 per cent at worst, with 25 and more the sliders' own error.
+_SLIDERS_EACH, _FEWEST, _MOST = 10, 8, 50
 
 
 def ring_down_share(chi: Array, theta: Array) -> Array:
@@ -98,6 +106,36 @@ class Iwan5(AbstractIwan):
         Equivalent while the amplitude is below (1 + theta)/2 of the largest so far.
         """
         return self.R * ring_down_share(self.chi, self.theta)
+
+    def discrete(self, sliders: int | None = SLIDERS) -> AbstractDiscrete:
+        """The element in motion without a grid: all its sliders by their slip fronts.
+
+        A bank of them (:meth:`slider_bank`) loses (1 - theta) k phi at an instant whenever one
+        lets go, an error of the first order: 0.1 to 5 per cent of the force with 200.
+
+        Parameters
+        ----------
+        sliders : int or None
+            Of a bank that costs about half as much; the element has room for a tenth as many
+            segments (:class:`~iwanjax.joints.SlipFronts`), 8 to 50. None asks for the default.
+
+        Raises
+        ------
+        InputError
+            For fewer than 3.
+        """
+        count = SLIDERS if sliders is None else sliders
+        if count < 3:
+            raise InputError(f"sliders = {count}; expected at least 3")
+        power_law = self.K_T / (1.0 + self.beta)
+        return SlipFronts(
+            power_law,
+            self.K_T - power_law,
+            self.chi + 1.0,
+            self.phi_max,
+            self.theta,
+            min(max(_FEWEST, count // _SLIDERS_EACH), _MOST),
+        )
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent), Eq. (4.5); theta F_S from phi_max on."""

@@ -72,10 +72,16 @@ def _driven(element, d, v, dt):
     return jax.lax.scan(advance, element.init(), (d, v))[1]
 
 
+def element_of(joint):
+    """The element in motion; a five-parameter one as a bank (see test_fronts for its own)."""
+    is_five = isinstance(joint, ij.Iwan5)
+    return joint.slider_bank(SLIDERS) if is_five else joint.discrete(SLIDERS)
+
+
 def driven(joint, d, dt=0.1):
     """Reactions and stored energies along a history, with mean rates."""
     d = np.asarray(d, float)
-    element = joint if isinstance(joint, SliderBank) else joint.discrete(SLIDERS)
+    element = joint if isinstance(joint, SliderBank) else element_of(joint)
     return _driven(element, d, np.diff(d, prepend=0.0) / dt, jnp.asarray(dt))
 
 
@@ -137,7 +143,7 @@ def test_work_is_stored_or_lost(joint, history):
     # A slider lets go once a step: the trapezoidal rule misses half a jump k (1 - theta) phi over
     # one substep at most, and a kink of k by an eighth of its square.
     h = np.max(np.abs(moved))
-    bank = joint.discrete(SLIDERS)
+    bank = element_of(joint)
     jumps = float(jnp.sum(bank.k * (1.0 - bank.theta) * bank.phi))
     bound = 0.5 * h * jumps + 0.125 * h**2 * float(joint.K_T) + 1e-13
     assert np.all(np.abs(work - account) <= bound)
@@ -160,7 +166,7 @@ def test_a_step_is_the_same_in_two_parts(joint, history, share):
 
 @given(SLIDING, HISTORY)
 def test_against_an_independent_bank_of_sliders(joint, history):
-    bank = joint.discrete(SLIDERS)
+    bank = element_of(joint)
     expected = drive_sliders(
         np.asarray(bank.phi), np.asarray(bank.k), float(bank.theta[0]), history
     )
@@ -169,7 +175,7 @@ def test_against_an_independent_bank_of_sliders(joint, history):
 
 @given(st.one_of(IWAN4, IWAN5))
 def test_stiffness_and_strength_are_the_elements_own(joint):
-    bank = joint.discrete(SLIDERS)
+    bank = element_of(joint)
     assert float(jnp.sum(bank.k)) == pytest.approx(float(joint.K_T), rel=1e-14)
     assert float(jnp.sum(bank.k * bank.phi)) == pytest.approx(float(joint.F_S), rel=1e-12)
     assert np.all(np.diff(bank.phi) > 0)
@@ -394,7 +400,7 @@ def test_bad_histories_get_one_clear_line(case):
 def test_histories_side_by_side():
     joint = ELEMENTS["iwan5"]
     several = np.stack([TURNS, -TURNS, 0.5 * TURNS]).reshape(3, 1, STEPS)
-    found = ij.hysteresis(joint, several, sliders=SLIDERS)
+    found = ij.hysteresis(element_of(joint), several)
     assert found.shape == (3, 1, STEPS)
     for row, history in zip(found, several, strict=True):
         np.testing.assert_allclose(row[0], driven(joint, history[0])[0].force, atol=1e-15)

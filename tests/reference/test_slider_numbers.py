@@ -50,18 +50,33 @@ def test_closed_forms_against_ten_thousand_sliders(kind, theta):
     np.testing.assert_allclose(E, joint.dissipation(AMPLITUDES), rtol=1e-3)
 
 
+class GradedIwan5(ij.Iwan5):
+    """The same element as a bank on the package's grid."""
+
+    def discrete(self, sliders=SLIDERS):
+        return self.slider_bank(sliders)
+
+
 @pytest.mark.parametrize("sliders", [SLIDERS, MANY])
-def test_where_friction_drops_the_graded_grid_is_right_to_one_drop(sliders):
+def test_where_friction_drops_a_graded_bank_is_right_to_one_drop(sliders):
     """A tip between two thresholds: whether the next slider has let go is worth (1-theta) k phi.
 
     Graded intervals are wider at the top than uniform ones: 2e-2 of K at worst with the default
     number of sliders, 5e-4 with ten thousand; the first order in their width.
     """
-    joint, u = iwan5(0.3), np.geomspace(1e-5, 5.9e-4, 40)
+    joint, u = iwan5(0.3, GradedIwan5), np.geomspace(1e-5, 5.9e-4, 40)
     grid = joint.slider_bank(sliders)
     drop = 0.7 * float(jnp.max((grid.k * grid.phi)[:-1]))
     K, _ = cycles(joint, u, sliders)
     assert np.all(np.abs(K - np.asarray(joint.secant(u))) * u <= drop)
+
+
+def test_where_friction_drops_the_element_itself_is_right():
+    joint, u = iwan5(0.3), np.geomspace(1e-5, 8e-4, 40)
+    K, E = cycles(joint, u, SLIDERS)
+    np.testing.assert_allclose(K, joint.secant(u), rtol=1e-10)
+    # The area is that of a polygon of a thousand points.
+    np.testing.assert_allclose(E, joint.dissipation(u), rtol=2e-3)
 
 
 def test_table_4_1_by_the_ring_down_of_4_24():
