@@ -109,16 +109,17 @@ class AbstractIwan(AbstractJoint):
             thousandth of phi_max on, where kinetic and static friction are the same.
         """
         phi, k = iwan_sliders(self.K_T, self.chi, self.beta, self.phi_max, sliders)
-        return SliderBank(phi, k, self.kinetic_share[..., None])
+        theta = self.kinetic_share
+        return SliderBank(phi, k, None if theta is None else theta[..., None])
 
     def discrete(self, sliders: int | None = SLIDERS) -> AbstractDiscrete:
         """:meth:`slider_bank`; None asks for the default number."""
         return self.slider_bank(SLIDERS if sliders is None else sliders)
 
     @property
-    def kinetic_share(self) -> Array:
-        """Kinetic over static friction of the sliders, 1."""
-        return jnp.ones_like(self.K_T)
+    def kinetic_share(self) -> Array | None:
+        """Kinetic over static friction of the sliders, 1; None where there is no difference."""
+        return None
 
     @property
     def initial_stiffness(self) -> Array:

@@ -45,8 +45,7 @@ class Jenkins(AbstractJoint):
 
     def discrete(self, sliders: int | None = SLIDERS) -> SliderBank:
         """A bank of one slider."""
-        one = jnp.ones_like(self.K_T)[..., None]
-        return SliderBank((self.F_S / self.K_T)[..., None], self.K_T[..., None], one)
+        return SliderBank((self.F_S / self.K_T)[..., None], self.K_T[..., None])
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent)."""
