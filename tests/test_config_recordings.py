@@ -241,6 +241,20 @@ def test_parameters_of_a_structure(study_file):
     assert found["ends.chi"] is known["ends.chi"]
 
 
+def test_damping_of_a_structures_modes_beside_its_joints(study_file):
+    text = STRUCTURE.replace("fixed: {", "fixed: {mode2.zeta_0: 3e-4, ")
+    assert text != STRUCTURE
+    study = load_study(study_file(text))
+    q = [1.0, 2.0, 3.0]
+    curve = ModalCurves(q, [0.1] * 3, [1e-3] * 3, frequency_std=[1e-3] * 3, damping_std=[1e-4] * 3)
+    known = structural_parameters(study.structure, study.fit.groups, [curve], [2])
+    found = study.parameters(None, known)["mode2.zeta_0"]
+    assert (found.value, found.fixed) == (3e-4, True)
+    # Mode 1 is none of the study's, and the nearest name is told.
+    with pytest.raises(InputError, match=r"fixed.mode1.zeta_0: unknown parameter.*mode2.zeta_0"):
+        load_study(study_file(text.replace("mode2.zeta_0", "mode1.zeta_0")))
+
+
 def test_what_can_be_left_out_where_it_is_clear(study_file):
     text = MODAL.replace("    - {name: mode2, band: [3e2, 4e2], joint: {type: iwan5}}\n", "")
     text = re.sub(r", mode: mode\d|    mode: mode1\n", "", text[: text.index("bounds:")])

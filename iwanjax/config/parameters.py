@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from iwanjax.updating import AbstractPrior, Parameter
 
 _SECTIONS = ("bounds", "priors", "values", "fixed")
+_BACKGROUND = ParameterInfo("zeta_0", "1", "damping ratio beside the joint", 0.0, 1.0, "lower")
 _OF_A_MODE = (
     ParameterInfo("f_0", "frequency", "natural frequency at vanishing amplitude", lower=0.0),
-    ParameterInfo("zeta_0", "1", "damping ratio beside the joint", 0.0, 1.0, closed="lower"),
+    _BACKGROUND,
 )
 
 
@@ -121,7 +122,10 @@ def modal_changes(
 def structural_changes(
     source: Source, section: StudySection, structure: JointedStructure
 ) -> dict[str, ParameterChange]:
-    """What the study says of the parameters of its structure's joints or their groups."""
+    """What the study says of the parameters of its structure's joints or their groups.
+
+    And of the damping ratio of each elastic mode beside them, ``mode1.zeta_0`` for mode 1.
+    """
     owners = _owners(source, section.fit.groups, structure)
     group_of = {label: name for name, labels in section.fit.groups.items() for label in labels}
     for key in _SECTIONS:
@@ -138,6 +142,8 @@ def structural_changes(
         for owner, joint in owners.items()
         for info in joint.parameters
     }
+    elastic = range(structure.basis.omega2.shape[0]) if section.modes is None else section.modes
+    known |= {f"mode{mode}.{_BACKGROUND.name}": _Known(_BACKGROUND) for mode in elastic}
     _check_keys(source, section, known)
     for name, bounds in section.bounds.items():
         value = known[name].value

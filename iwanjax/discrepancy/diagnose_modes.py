@@ -111,8 +111,9 @@ def diagnose_modes(
     rows = {label: _row(structure, label, row) for label, row in places.items()}
     if not rows:
         raise InputError("diagnose_modes: no places; expected {label: row} for at least one")
-    row = replaced(tuple(structural_parameters(structure, groups).values()), parameters or {})
     several = [curves[mode] for mode in modes]
+    known = structural_parameters(structure, groups, several, modes)
+    row = replaced(tuple(known.values()), parameters or {})
     base = structural_problem(structure, several, row, modes, None, groups, reference)
     random = np.random.default_rng(seed)
     draws = drawn(row, random, max(starts, STARTS))

@@ -95,7 +95,7 @@ class WithForceAt(AbstractProblem):
     def cycles(self, theta: Float[Array, " parameters"], q: Array) -> Backbones:
         """The same at modal displacements (curves, levels)."""
         base = self.base
-        structure = base.model(theta[:-1])
+        structure = base.jointed(theta[:-1])
         basis, modes = structure.basis, jnp.asarray(base.modes)
         force = Force(self.level, self.unit, theta[-1])
         return backbones(
@@ -105,5 +105,5 @@ class WithForceAt(AbstractProblem):
             [*map(OfJoint, structure.elements), force],
             modes,
             q,
-            2.0 * base.zeta_0 * jnp.sqrt(basis.omega2[modes]),
+            2.0 * base.background(theta[:-1]) * jnp.sqrt(basis.omega2[modes]),
         )

@@ -146,7 +146,7 @@ def model_name(solution: FitSolution) -> str:
     if isinstance(solution.model, ModalOscillator):
         return f"An oscillator with one {type(solution.model.joint).__name__} joint"
     free = sum(not p.fixed for p in solution.parameters)
-    return f"The structure with {free} joint parameters"
+    return f"The structure with {free} free parameters"
 
 
 def findings(solution: FitSolution) -> str:

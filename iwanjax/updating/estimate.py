@@ -57,7 +57,8 @@ def fit(
     model : str, joint class or JointedStructure
         A joint's name or class fits one oscillator of unit modal mass with that joint to
         the curves of one mode (thesis Eq. 2.7; "iwan4" is the modal Iwan model). A
-        structure has the parameters of its joints fitted through :func:`~iwanjax.qsma`.
+        structure has the parameters of its joints fitted through :func:`~iwanjax.qsma`, and
+        the damping ratio of each mode beside them, ``"mode1.zeta_0"`` for elastic mode 1.
     curves : ModalCurves or sequence of them
         Measured, with standard deviations; for one oscillator several hits of one mode, for
         a structure one for each of ``modes``.
@@ -89,7 +90,7 @@ def fit(
     ------
     InputError
         For curves without deviations or with NaN, unknown parameters or joints, modes that
-        do not match.
+        do not match, a mode whose damping beside the joints is fixed at zero.
     PrecisionError
         When JAX computes in float32.
     """
@@ -105,7 +106,7 @@ def fit(
         raise InputError(f"fit: seed = {seed!r}; expected a whole number, not negative")
     others = {} if parameters is None else parameters
     if isinstance(model, JointedStructure):
-        known = structural_parameters(model, groups)
+        known = structural_parameters(model, groups, several, modes)
         row = replaced(tuple(known.values()), others)
         problem = structural_problem(
             model, several, row, modes, sensors, groups, reference or "shift"

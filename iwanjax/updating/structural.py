@@ -15,6 +15,12 @@ from iwanjax.quasistatic import QsmaSolution, qsma
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike
+from iwanjax.updating.background import (
+    background_parameters,
+    modes_of,
+    refuse_undamped,
+    with_background,
+)
 from iwanjax.updating.interpolate import cubic
 from iwanjax.updating.parameters import Chart, Parameter
 from iwanjax.updating.priors import AbstractPrior, LogNormal, Normal, Uniform
@@ -33,6 +39,9 @@ _SMALL = 1e-2
 class StructuralProblem(AbstractProblem):
     """The joints of a structure held against measured curves of its modes.
 
+    Parameters are those of the joints, group by group, then the damping ratio of each curve's
+    mode beside the joints.
+
     Attributes
     ----------
     structure : JointedStructure
@@ -43,8 +52,6 @@ class StructuralProblem(AbstractProblem):
         Each curve's amplitudes, rising; a shorter row goes on beyond them.
     curve, level : (N,) array of int
         Where in ``levels`` each measured level stands.
-    zeta_0 : (curves,) array
-        Damping ratio of each mode beside the joints.
     owners : tuple of tuple of str
         For each group its joints; they share the parameters that are next in theta.
     modes : tuple of int
@@ -58,14 +65,21 @@ class StructuralProblem(AbstractProblem):
     levels: Float[Array, "curves levels"]
     curve: Int[Array, " N"]
     level: Int[Array, " N"]
-    zeta_0: Float[Array, " curves"]
     names: tuple[str, ...] = eqx.field(static=True)
     owners: tuple[tuple[str, ...], ...] = eqx.field(static=True)
     modes: tuple[int, ...] = eqx.field(static=True)
     reference: Reference = eqx.field(static=True)
 
     def model(self, theta: Float[Array, " parameters"]) -> JointedStructure:
-        """The structure with these joints."""
+        """The structure with these joints, and these damping ratios in its C."""
+        return with_background(self.jointed(theta), self.modes, self.background(theta))
+
+    def background(self, theta: Float[Array, " parameters"]) -> Float[Array, " curves"]:
+        """Damping ratio of each curve's mode beside the joints."""
+        return theta[-len(self.modes) :]
+
+    def jointed(self, theta: Float[Array, " parameters"]) -> JointedStructure:
+        """The structure with these joints and the C that it had."""
         joints: dict[str, AbstractJoint] = {}
         first = 0
         for labels in self.owners:
@@ -84,27 +98,30 @@ class StructuralProblem(AbstractProblem):
         load makes each amplitude, to a part in a thousand; a second one at those loads is
         then off by that part of the curve's small slope.
         """
-        structure = self.model(theta)
-        first = self._solved(structure, self.alpha)
+        structure, zeta_0 = self.jointed(theta), self.background(theta)
+        first = self._solved(structure, self.alpha, zeta_0)
         loads = jax.vmap(cubic)(jnp.log(self.levels), jnp.log(first.q), jnp.log(self.alpha))
-        second = self._solved(structure, jnp.exp(loads)).curves
+        second = self._solved(structure, jnp.exp(loads), zeta_0).curves
         return second.frequency[self.curve, self.level], second.damping[self.curve, self.level]
 
-    def _solved(self, structure: JointedStructure, alpha: Array) -> QsmaSolution:
+    def _solved(self, structure: JointedStructure, alpha: Array, zeta_0: Array) -> QsmaSolution:
         return qsma(
             structure,
             self.modes,
             alpha,
-            self.zeta_0,
+            zeta_0,
             frequency="first_harmonic",
             deflections=False,
         )
 
 
 def structural_parameters(
-    structure: JointedStructure, groups: Mapping[str, Sequence[str]] | None = None
+    structure: JointedStructure,
+    groups: Mapping[str, Sequence[str]] | None = None,
+    curves: Sequence[ModalCurves] | None = None,
+    modes: Sequence[int] | None = None,
 ) -> dict[str, Parameter]:
-    """Parameters of a structure's joints, with priors about the values they have.
+    """Parameters of a fit of a structure, with priors about the values it has.
 
     Parameters
     ----------
@@ -112,21 +129,31 @@ def structural_parameters(
         Its joints' values are the starting values and the middles of the priors.
     groups : mapping of str to sequence of str, optional
         Joints that share their parameters, under a common name.
+    curves : sequence of ModalCurves, optional
+        What will be fitted: with them the damping ratios of the modes beside the joints are
+        among the parameters, ``"mode1.zeta_0"`` for elastic mode 1 (lowest 0). A mode that the
+        structure's C damps has its ratio as median and starting value; else the prior is
+        uniform from zero to the least damping of the curve.
+    modes : sequence of int, optional
+        The mode of each curve; by default 0, 1, ...
 
     Returns
     -------
     dict of str to Parameter
-        Keyed by joint (or group) and parameter, for instance ``"J1.F_S"``.
+        Keyed by joint (or group) and parameter, for instance ``"J1.F_S"``, then by mode.
 
     Raises
     ------
     InputError
-        For groups that name unknown joints, joints twice, or joints of different type.
+        For groups that name unknown joints, joints twice, or joints of different type; for
+        modes that do not exist or do not match the curves.
     """
     found = {}
     for name, labels in _owners(structure, groups).items():
         found |= joint_parameters(name, structure.joints[labels[0]])
-    return found
+    if curves is None:
+        return found
+    return found | background_parameters(structure, curves, modes_of(structure, curves, modes))
 
 
 def joint_parameters(name: str, joint: AbstractJoint) -> dict[str, Parameter]:
@@ -167,23 +194,17 @@ def structural_problem(
     groups: Mapping[str, Sequence[str]] | None,
     reference: Reference,
 ) -> StructuralProblem:
-    """The problem of a structure's joints.
+    """The problem of a structure's joints and of its modes' damping beside them.
+
+    ``parameters`` are all of :func:`structural_parameters`, in its order.
 
     Raises
     ------
     InputError
-        For modes or sensors that do not match the curves.
+        For modes or sensors that do not match the curves, and a mode without damping of its own.
     """
-    count = structure.basis.omega2.shape[0]
-    which = tuple(range(len(curves))) if modes is None else tuple(int(m) for m in modes)
-    if len(which) != len(curves) or len(set(which)) != len(which):
-        raise InputError(
-            f"fit: got modes {list(which)} for {len(curves)} curve(s); expected one each, all "
-            "different (merge several hits of a mode with merge_curves)"
-        )
-    for mode in which:
-        if not 0 <= mode < count:
-            raise InputError(f"fit: mode {mode} does not exist; expected 0 to {count - 1}")
+    which = modes_of(structure, curves, modes)
+    refuse_undamped(parameters[-len(which) :])
     measured = Measured.of(curves, _factors(structure, curves, which, sensors))
     check_free(parameters, measured)
     omega2 = np.asarray(structure.basis.omega2)[list(which)]
@@ -199,8 +220,6 @@ def structural_problem(
             for w, x in zip(omega2, levels, strict=True)
         ]
     )
-    phi = np.asarray(structure.basis.Phi)[:, list(which)]
-    C = np.asarray(structure.structure.C)
     return StructuralProblem(
         measured=measured,
         chart=Chart(parameters),
@@ -209,7 +228,6 @@ def structural_problem(
         levels=jnp.asarray(levels),
         curve=jnp.asarray(np.repeat(np.arange(len(q)), [x.size for x in q])),
         level=jnp.asarray(np.concatenate([inverse for _, inverse in pairs])),
-        zeta_0=jnp.asarray(np.sum(phi * (C @ phi), axis=0) / (2.0 * np.sqrt(omega2))),
         names=tuple(p.name for p in parameters),
         owners=tuple(_owners(structure, groups).values()),
         modes=which,

@@ -155,11 +155,14 @@ def _by_curves(study: Study, budget: float) -> Diagnosis:
         curves[mode.key] = common_curve(mode)
         held_out[mode.key] = others
     groups = study.fit.groups or None
+    # The modes of a diagnosis come lowest first.
+    modes = sorted(curves)
+    known = structural_parameters(structure, groups, [curves[mode] for mode in modes], modes)
     return diagnose_modes(
         structure,
         curves,
         held_out,
-        study.parameters(None, structural_parameters(structure, groups)),
+        study.parameters(None, known),
         places=model.rows,
         groups=groups,
         reference=study.fit.reference or "absolute",

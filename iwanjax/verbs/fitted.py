@@ -106,14 +106,15 @@ def _structure(study: Study, modes: Sequence[MeasuredMode]) -> Fitted:
     assert study.structure is not None
     start = time.perf_counter()
     curves = [common_curve(mode).as_quantity("modal displacement") for mode in modes]
-    keys = [mode.key for mode in modes]
+    keys = [mode.key for mode in modes if isinstance(mode.key, int)]
     settings = study.fit
     groups = settings.groups or None
+    known = structural_parameters(study.structure, groups, curves, keys)
     solution = fit(
         study.structure,
         curves,
-        study.parameters(None, structural_parameters(study.structure, groups)),
-        modes=[key for key in keys if isinstance(key, int)],
+        study.parameters(None, known),
+        modes=keys,
         groups=groups,
         reference=settings.reference,
         starts=settings.starts,
