@@ -89,6 +89,8 @@ def background_parameters(
         q, zeta, std = (
             np.asarray(x[part]) for x in (measured.q, measured.damping, measured.damping_std)
         )
+        least = float(max(np.min(zeta + _CERTAIN * std), np.median(std)))
+        upper = _REACH * float(max(zeta.max(), least, viscous))
         name, meaning = background_name(mode), f"damping ratio of mode {mode} beside the joints"
         if viscous > 0.0:
             found[name] = Parameter(
@@ -97,10 +99,10 @@ def background_parameters(
                 LogNormal(float(viscous), _PRIOR_SIGMA),
                 meaning=meaning,
                 lower=0.0,
+                upper=upper,
                 transform="log",
             )
             continue
-        least = float(max(np.min(zeta + _CERTAIN * std), np.median(std)))
         low = float(np.mean(zeta[np.argsort(q)[:_LOWEST]]))
         found[name] = Parameter(
             name,
@@ -108,7 +110,7 @@ def background_parameters(
             Uniform(0.0, least),
             meaning=meaning,
             lower=0.0,
-            upper=_REACH * float(max(zeta.max(), least)),
+            upper=upper,
             transform="logit",
         )
     return found

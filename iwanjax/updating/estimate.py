@@ -15,11 +15,16 @@ from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem
-from iwanjax.updating.parameters import Parameter, drawn, replaced, with_values
-from iwanjax.updating.problem import AbstractProblem, Reference
-from iwanjax.updating.search import Search, search, within_bounds
+from iwanjax.updating.parameters import Parameter, drawn, fixed_at, replaced, with_values
+from iwanjax.updating.problem import AbstractLeastSquares, AbstractProblem, Reference
+from iwanjax.updating.projected import ProjectedProblem
+from iwanjax.updating.search import Search, resting, search, within_bounds
 from iwanjax.updating.solution import FitSolution, certainty, point
-from iwanjax.updating.structural import structural_parameters, structural_problem
+from iwanjax.updating.structural import (
+    StructuralProblem,
+    structural_parameters,
+    structural_problem,
+)
 
 # Costs within this of each other are the same minimum.
 _SAME_COST = 1e-3
@@ -34,6 +39,7 @@ def fit(
     curves: ModalCurves | Sequence[ModalCurves],
     parameters: Mapping[str, Parameter] | None = None,
     *,
+    fixed: Mapping[str, float] | Sequence[str] = (),
     modes: Sequence[int] | None = None,
     sensors: Sequence[ArrayLike] | None = None,
     groups: Mapping[str, Sequence[str]] | None = None,
@@ -64,6 +70,9 @@ def fit(
         a structure one for each of ``modes``.
     parameters : mapping of str to Parameter, optional
         Replaces those of :func:`modal_parameters` or :func:`structural_parameters` by name.
+    fixed : mapping of str to float, or sequence of str, optional
+        Parameters that are known: ``{"J1.chi": -0.5}`` holds one at a value, ``["J1.chi"]`` at
+        the model's own. In a study file the key ``fixed:``.
     modes : sequence of int, optional
         For a structure: the mode of each curve; by default 0, 1, ...
     sensors : sequence of (n,) array_like, optional
@@ -107,7 +116,7 @@ def fit(
     others = {} if parameters is None else parameters
     if isinstance(model, JointedStructure):
         known = structural_parameters(model, groups, several, modes)
-        row = replaced(tuple(known.values()), others)
+        row = fixed_at(replaced(tuple(known.values()), others), fixed)
         problem = structural_problem(
             model, several, row, modes, sensors, groups, reference or "shift"
         )
@@ -120,7 +129,7 @@ def fit(
             raise InputError(
                 f"fit: expected a joint's name or class or a JointedStructure, got {model!r}"
             )
-        row = replaced(tuple(modal_parameters(kind, several).values()), others)
+        row = fixed_at(replaced(tuple(modal_parameters(kind, several).values()), others), fixed)
         problem = modal_problem(kind, several, row, reference or "absolute")
     return solve(problem, row, several, int(starts), int(seed))
 
@@ -135,16 +144,17 @@ def solve(
     """Search a problem and say how sure its answer is."""
     random = np.random.default_rng(seed)
     draws = problem.spread(drawn(parameters, random, starts))
+    searched = _searched(problem, parameters)
     with ThreadPoolExecutor(1) as other:
         # The compiler leaves the second core to this, which is wanted right after.
         other.submit(point, problem, jnp.asarray(draws[0]))
-        found = search(problem, jnp.asarray(draws), min(starts, _RUNS))
+        found = search(searched, jnp.asarray(draws), min(starts, _RUNS))
     cost = np.asarray(found.cost)
     best = int(np.argmin(cost))
     further = problem.restarts(np.asarray(found.theta[best]), starts)
     if further is not None:
         # As many again: one compiled search serves both.
-        again = search(problem, jnp.asarray(further), min(starts, _RUNS))
+        again = search(searched, jnp.asarray(further), min(starts, _RUNS))
         found = Search(*(jnp.concatenate(pair) for pair in zip(found, again, strict=True)))
         cost = np.asarray(found.cost)
         best = int(np.argmin(cost))
@@ -153,14 +163,16 @@ def solve(
             "fit: no start gave finite residuals; are the amplitudes in the unit that the model "
             "is in?"
         )
-    theta, active = within_bounds(problem, parameters, np.array(found.theta[best]))
+    theta, _ = within_bounds(searched, parameters, np.array(found.theta[best]))
+    theta = _completed(searched, theta)
+    active = resting(parameters, theta)
     final = with_values(parameters, theta)
     there = point(problem, jnp.asarray(theta))
     f, zeta = (np.asarray(x) for x in there.differences)
     freedom = max(1, f.size + zeta.size - len(problem.chart.free) + len(active))
     misfit = float(np.sqrt((np.sum(f**2) + np.sum(zeta**2)) / freedom))
     as_good = cost <= cost[best] + rival_cost(f.size) * max(1.0, misfit) ** 2
-    rivals = np.asarray(found.theta)[as_good]
+    rivals = np.stack([_completed(searched, end) for end in np.asarray(found.theta)[as_good]])
     sure = certainty(there, final, tuple(active), misfit, rivals)
     return FitSolution(
         parameters=final,
@@ -185,6 +197,22 @@ def solve(
         predicted=predicted_curves(problem, there.prediction, curves),
         problem=problem,
     )
+
+
+def _searched(problem: AbstractProblem, parameters: Sequence[Parameter]) -> AbstractLeastSquares:
+    """What a search moves: of a structure the joints, where any is free."""
+    if not isinstance(problem, StructuralProblem):
+        return problem
+    projected = ProjectedProblem.of(problem, parameters)
+    return projected if projected.chart.free else problem
+
+
+def _completed(searched: AbstractLeastSquares, theta: np.ndarray) -> np.ndarray:
+    """Parameters of a search's end with those that it has left to a closed form."""
+    if not isinstance(searched, ProjectedProblem):
+        return theta
+    there = point(searched.base, jnp.asarray(theta))
+    return np.asarray(searched.completed(jnp.asarray(theta), there.prediction[1]))
 
 
 def rival_cost(levels: int) -> float:

@@ -1,6 +1,7 @@
 """Parameters that a fit moves: value, unit, bounds, transform, prior."""
 
 import math
+import numbers
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -12,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
+from iwanjax.files import nearest
 from iwanjax.types import real
 from iwanjax.updating.priors import AbstractPrior
 
@@ -157,13 +159,54 @@ def replaced(
         )
     for name, other in others.items():
         if name not in names:
-            raise InputError(f"no parameter is called {name!r}; there are {', '.join(names)}")
+            raise InputError(
+                f"no parameter is called {name!r}; there are {', '.join(names)}"
+                f"{nearest(str(name), names)}"
+            )
         if not isinstance(other, Parameter) or other.name != name:
             raise InputError(
                 f"parameters[{name!r}]: expected the Parameter of that name, changed by "
                 f"dataclasses.replace; got {other!r}"
             )
     return tuple(others.get(p.name, p) for p in parameters)
+
+
+def fixed_at(
+    parameters: Sequence[Parameter], fixed: Mapping[str, float] | Sequence[str]
+) -> tuple[Parameter, ...]:
+    """The parameters with some of them held.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+    fixed : mapping of str to float, or sequence of str
+        Values by name; or names alone, which stay at the value they have.
+
+    Raises
+    ------
+    InputError
+        For a name that is not among them, what is no number, a value outside the bounds.
+    """
+    if isinstance(fixed, str) or not isinstance(fixed, Mapping | Sequence):
+        raise InputError(
+            f"fixed: expected values by name, for instance {{{parameters[0].name!r}: "
+            f"{parameters[0].value:g}}}, or a list of names; got {fixed!r}"
+        )
+    names = [p.name for p in parameters]
+    for name in fixed:
+        if name not in names:
+            raise InputError(
+                f"fixed: no parameter is called {name!r}; there are {', '.join(names)}"
+                f"{nearest(str(name), names)}"
+            )
+    values = fixed if isinstance(fixed, Mapping) else {}
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            raise InputError(f"fixed[{name!r}]: expected a number, got {value!r}")
+    return tuple(
+        replace(p, value=float(values.get(p.name, p.value)), fixed=True) if p.name in fixed else p
+        for p in parameters
+    )
 
 
 def with_values(parameters: Sequence[Parameter], theta: np.ndarray) -> tuple[Parameter, ...]:

@@ -101,10 +101,14 @@ def within_bounds(
     problem: AbstractLeastSquares, parameters: Sequence[Parameter], theta: np.ndarray
 ) -> tuple[np.ndarray, dict[str, float]]:
     """An estimate after a bounded search where it is near to bounds, and those it rests on."""
-    if not near_bounds(problem.chart, theta):
-        return theta, {}
-    theta = bounded(problem, theta)
-    return theta, {
+    if near_bounds(problem.chart, theta):
+        theta = bounded(problem, theta)
+    return theta, resting(parameters, theta)
+
+
+def resting(parameters: Sequence[Parameter], theta: np.ndarray) -> dict[str, float]:
+    """Free parameters that rest on a bound, and the bound."""
+    return {
         p.name: bound
         for p, value in zip(parameters, theta, strict=True)
         for bound in (p.lower, p.upper)

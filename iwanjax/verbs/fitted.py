@@ -110,6 +110,9 @@ def _structure(study: Study, modes: Sequence[MeasuredMode]) -> Fitted:
     settings = study.fit
     groups = settings.groups or None
     known = structural_parameters(study.structure, groups, curves, keys)
+    for name, change in study.changes.items():
+        if name not in known:
+            raise InputError(f"{change.place}: no recording is of this mode; remove {name}")
     solution = fit(
         study.structure,
         curves,

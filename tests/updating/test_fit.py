@@ -323,6 +323,38 @@ def test_fixed_parameters_stay_where_they_are():
     assert found.std["f_0"] == pytest.approx(np.sum(weight) ** -0.5, rel=0.05)
 
 
+def test_fixing_a_parameter_is_one_argument():
+    """At a value, or by name alone at the value it starts from."""
+    found = fit("iwan4", noisy(0), fixed={"chi": TRUTH.chi, "beta": TRUTH.beta}, starts=16)
+    assert (found.values["chi"], found.values["beta"]) == (TRUTH.chi, TRUTH.beta)
+    assert set(found.determined) == {"f_0", "zeta_0", "F_S", "K_T"}
+    assert max(abs(z) for z in deviations(found).values()) < SIGMAS
+    # A value that is taken for known leaves less open.
+    for name in ("F_S", "K_T"):
+        assert found.std[name] < solution().std[name]
+    beta = modal_parameters(ij.Iwan4, noisy(0))["beta"]
+    start = replace(beta, value=TRUTH.beta)
+    named = fit("iwan4", noisy(0), {"beta": start}, fixed=["beta"], starts=16)
+    assert named.values["beta"] == TRUTH.beta
+    assert named.determined.keys() == set(NAMES) - {"beta"}
+
+
+@pytest.mark.parametrize(
+    ("fixed", "told"),
+    [
+        ({"Chi": -0.5}, "no parameter is called 'Chi'; there are f_0, .*did you mean 'chi'"),
+        (["ch"], "no parameter is called 'ch'.*did you mean 'chi'"),
+        ({"chi": 0.5}, "chi: value 0.5 lies outside its bounds"),
+        ({"chi": "-0.5"}, r"fixed\['chi'\]: expected a number, got '-0.5'"),
+        ("chi", "fixed: expected values by name, for instance {'f_0': "),
+        (0.5, "fixed: expected values by name"),
+    ],
+)
+def test_what_cannot_be_fixed_is_refused(fixed, told):
+    with pytest.raises(InputError, match=told):
+        fit("iwan4", noisy(0), fixed=fixed)
+
+
 def test_shift_removes_an_offset_of_all_frequencies():
     """Residuals do not see it, and the offset is the one that fits best."""
     c = noisy(0)

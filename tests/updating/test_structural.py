@@ -1,7 +1,5 @@
 """Fits of a structure's joint to curves of two modes, which NumPy and SciPy alone have made."""
 
-from dataclasses import replace
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -258,9 +256,10 @@ def test_a_joint_that_is_known_may_be_left_out(guess):
         [1.0, 2.0, 3.0], [0.1] * 3, [1e-3] * 3, frequency_std=[1e-3] * 3, damping_std=[1e-4] * 3
     )
     known = structural_parameters(guess, None, [curve])
-    fixed = {name: replace(p, fixed=True) for name, p in known.items()}
     with pytest.raises(InputError, match="all parameters are fixed"):
-        fit(guess, [curve], fixed)
+        fit(guess, [curve], fixed=list(known))
+    with pytest.raises(InputError, match=r"called 'chi'; there are J1.F_S.*did you mean 'J1.chi'"):
+        fit(guess, [curve], fixed={"chi": -0.5})
 
 
 # --- damping beside the joints ------------------------------------------------------------
@@ -268,14 +267,14 @@ def test_a_joint_that_is_known_may_be_left_out(guess):
 
 def test_modes_without_damping_of_their_own_are_refused(guess, curves):
     """C = 0 and nothing else that damps: such fits ended 54 % off in damping."""
-    known = structural_parameters(guess, None, curves, MODES)
-    undamped = {"mode1.zeta_0": replace(known["mode1.zeta_0"], value=0.0, fixed=True)}
     with pytest.raises(InputError, match=r"mode1.zeta_0 is fixed at 0.*leave it free, or fix it"):
-        fit(guess, curves, undamped, modes=MODES)
+        fit(guess, curves, modes=MODES, fixed={"mode1.zeta_0": 0.0})
 
 
 def test_a_truth_without_damping_of_its_own_is_found_within_its_deviation(guess):
-    found = fit(guess, noisy((0.0, 0.0)), modes=MODES, starts=STARTS)
+    found = fit(guess, noisy((0.0, 0.0)), modes=MODES, starts=4)
+    # A search that moved the ratios towards zero by their logits used to run out of steps.
+    assert found.converged
     for name in ZETA_0:
         on_bound = found.active_bounds.get(name) == 0.0
         assert on_bound or found.values[name] < SIGMAS * found.std[name]
