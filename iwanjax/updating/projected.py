@@ -41,7 +41,8 @@ class ProjectedProblem(AbstractLeastSquares):
         first = len(parameters) - len(base.modes)
         joints, ratios = parameters[:first], parameters[first:]
         chart = Chart([*joints, *(replace(p, fixed=True) for p in ratios)])
-        return cls(base, chart, jnp.asarray([not p.fixed for p in ratios]), base.names)
+        moved = jnp.asarray([not p.fixed for p in ratios])
+        return cls(base=base, chart=chart, moved=moved, names=base.names)
 
     def residuals(self, theta: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
         """All differences at the best ratios, (2 N,)."""

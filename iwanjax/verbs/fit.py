@@ -108,7 +108,7 @@ def screen_lines(each: Fitted) -> list[str]:
         for i, line in enumerate(each.solution.summary().splitlines())
     ]
     if each.exponents is not None:
-        lines += ["", each.exponents.statement() + "."]
+        lines += ["", each.exponents.statement() + ".", each.exponents.law() + "."]
     for row in each.held_out:
         line = (
             f"held out {row.name}: predicted within {row.frequency_error:.2g} Hz and "
@@ -145,7 +145,10 @@ def _told(each: Fitted) -> dict[str, Any]:
         ],
         "free_exponents": None
         if each.exponents is None
-        else {"frequency": each.exponents.frequency, "damping": each.exponents.damping},
+        else {
+            name: getattr(each.exponents, name)
+            for name in ("frequency", "damping", "c_1", "chi", "zeta_0")
+        },
         "held_out": [
             {
                 "recording": row.name,

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 import iwanjax as ij
 from iwanjax.errors import InputError
@@ -137,3 +138,78 @@ def test_curves_without_any_trend_claim_no_exponent():
         for value, std in (found.frequency, found.damping):
             assert std > 0.1
             assert np.isfinite(value)
+
+
+# --- the damping's law (3.32) -------------------------------------------------------------
+
+C_1, CHI, ZETA_0 = 0.9, -0.1, 5e-4
+
+
+def bent(seed, scale=1.0):
+    """Curves like Table 3.3's, deviations that differ from level to level, and the noise."""
+    Q = np.geomspace(1e-4, 5e-3, 40)
+    zeta = C_1 * Q ** (CHI + 1.0) + ZETA_0
+    std = 2e-5 * np.linspace(0.5, 2.0, Q.size)
+    noise = np.random.default_rng([3, seed]).standard_normal(Q.size)
+    return ij.ModalCurves(
+        Q,
+        100.0 - 20.0 * Q,
+        zeta + scale * std * noise,
+        frequency_std=np.full(Q.size, F_STD),
+        damping_std=std,
+        quantity="displacement",
+    )
+
+
+@pytest.mark.parametrize("scale", [1.0, 3.0])
+def test_the_law_is_the_weighted_least_squares_one(scale):
+    """SciPy's, whose covariance with absolute_sigma=False includes the misfit as well."""
+    curve = bent(0, scale)
+    values, covariance = scipy.optimize.curve_fit(
+        lambda Q, c, chi, zeta_0: c * Q ** (chi + 1.0) + zeta_0,
+        np.asarray(curve.amplitude),
+        np.asarray(curve.damping),
+        p0=(C_1, CHI, ZETA_0),
+        sigma=np.asarray(curve.damping_std),
+        x_scale=(1.0, 0.1, 1e-4),
+        method="trf",
+        ftol=1e-14,
+        xtol=1e-14,
+        gtol=1e-14,
+    )
+    found = free_exponents(curve)
+    stds = np.sqrt(np.diag(covariance))
+    for pair, value, std in zip((found.c_1, found.chi, found.zeta_0), values, stds, strict=True):
+        assert pair[0] == pytest.approx(value, abs=1e-3 * std)
+        assert pair[1] == pytest.approx(std, rel=1e-3)
+    assert found.damping == (found.chi[0] + 1.0, found.chi[1])
+
+
+def test_stated_deviations_of_the_law_cover_the_truth():
+    z = []
+    for seed in range(200):
+        found = free_exponents(bent(seed))
+        log_c = (np.log(found.c_1[0] / C_1)) / (found.c_1[1] / found.c_1[0])
+        chi, zeta_0 = (
+            (pair[0] - truth) / pair[1]
+            for pair, truth in ((found.chi, CHI), (found.zeta_0, ZETA_0))
+        )
+        z.append((log_c, chi, zeta_0))
+    within = np.mean(np.abs(z) < 1.0, axis=0), np.mean(np.abs(z) < 2.0, axis=0)
+    # Student's t of 37 degrees: 0.676 and 0.947; three deviations of 200 draws.
+    assert np.all(np.abs(within[0] - 0.676) < 0.1)
+    assert np.all(np.abs(within[1] - 0.947) < 0.05)
+
+
+def test_a_background_alone_is_known_and_its_law_is_not():
+    for seed in range(5):
+        found = free_exponents(laws(0.5, 0.5, seed, b=0.0))
+        assert abs(found.zeta_0[0] - 4e-4) < 4.0 * found.zeta_0[1]
+        assert found.c_1[1] >= found.c_1[0]
+
+
+def test_the_law_in_words():
+    found = free_exponents(bent(0))
+    told = re.findall(r"(\w+) = ([-\d.e]+) ± ([-\d.e]+)", found.law())
+    for (name, value, std), pair in zip(told, (found.c_1, found.chi, found.zeta_0), strict=True):
+        assert (float(value), float(std)) == pytest.approx(pair, rel=0.1), name
