@@ -138,7 +138,16 @@ def test_recordings_of_modes(study_file, tmp_path):
 def test_settings(study_file):
     study = load_study(study_file(MODAL))
     assert study.ringdown.model_dump() == {"precision": 0.05, "order": 4}
-    assert study.fit.model_dump() == {"starts": 8, "seed": 7, "reference": "shift", "groups": {}}
+    assert study.fit.model_dump() == {
+        "starts": 8,
+        "seed": 7,
+        "reference": "shift",
+        "groups": {},
+        "model_error": None,
+    }
+    assert study.fit.error is None
+    text = MODAL.replace("fit: {", "fit: {model_error: {frequency: 1e-4, damping: 0.02}, ")
+    assert load_study(study_file(text)).fit.error == (1e-4, 0.02)
     assert study.posterior.model_dump() == {
         "effective": 50,
         "walkers": 20,

@@ -29,6 +29,19 @@ class RingdownSettings(Section):
     order: Count = 3
 
 
+class ModelErrorSettings(Section):
+    """The ``model_error:`` key: what the model's curves are wrong by themselves.
+
+    Attributes
+    ----------
+    frequency, damping : float
+        Relative standard deviations, 1.
+    """
+
+    frequency: Annotated[float, Field(ge=0, lt=1)]
+    damping: Annotated[float, Field(ge=0, lt=1)]
+
+
 class FitSettings(Section):
     """The ``fit:`` section; as keywords what :func:`iwanjax.updating.estimate` is asked for.
 
@@ -43,12 +56,21 @@ class FitSettings(Section):
         leaves it to the model.
     groups : dict of str to tuple of str
         Joints that share their parameters, under a common name.
+    model_error : ModelErrorSettings or None
+        Error of the model to allow for; None leaves it to the curves.
     """
 
     starts: Count = 64
     seed: Index = 0
     reference: Literal["absolute", "shift"] | None = None
     groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
+    model_error: ModelErrorSettings | None = None
+
+    @property
+    def error(self) -> tuple[float, float] | None:
+        """``model_error`` as :func:`iwanjax.fit` takes it."""
+        own = self.model_error
+        return None if own is None else (own.frequency, own.damping)
 
 
 class PosteriorSettings(Section):

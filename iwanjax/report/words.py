@@ -130,7 +130,13 @@ def explanation(solution: FitSolution) -> str:
         f"{model_name(solution)} follows the measured frequency to {number(f, 2)} Hz and the "
         f"damping to {number(100 * zeta, 2)} % (root mean square over {over})"
     )
+    own = solution.model_error
     ratio = f"{number(solution.misfit, 2)} times the stated deviations"
+    if own is not None:
+        ratio += (
+            f" with {number(100 * own.frequency, 2)} % of the frequency and "
+            f"{number(100 * own.damping, 2)} % of the damping for the model's own error"
+        )
     if solution.misfit <= EXPLAINED:
         return f"{sentence}: {ratio}, so that it explains the curves to their noise."
     if solution.misfit <= POOR:

@@ -15,6 +15,7 @@ from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem
+from iwanjax.updating.model_error import ModelError, model_error_of, with_model_error
 from iwanjax.updating.parameters import Parameter, drawn, fixed_at, replaced, with_values
 from iwanjax.updating.problem import AbstractLeastSquares, AbstractProblem, Reference
 from iwanjax.updating.projected import ProjectedProblem
@@ -44,6 +45,7 @@ def fit(
     sensors: Sequence[ArrayLike] | None = None,
     groups: Mapping[str, Sequence[str]] | None = None,
     reference: Reference | None = None,
+    model_error: tuple[float, float] | None = None,
     starts: int = 64,
     seed: int = 0,
 ) -> FitSolution:
@@ -84,6 +86,11 @@ def fit(
         Compare frequencies themselves (default for an oscillator), or up to one offset a
         curve (default for a structure): errors of the linear model must not be paid for by
         the joints (thesis Sec. 3.4.3).
+    model_error : (float, float), optional
+        Relative standard deviations of the model's own frequency and damping, joined with the
+        curves' in quadrature; curves may then be without any. By default none, but for curves
+        without noise (simulated decays) 2e-4 and 0.015, what quasi-static curves in microslip
+        differ by from decays; (0, 0) for none. The solution tells.
     starts : int
         Starting points: the parameters' values, and draws from their priors. All are
         improved and compared; sixteen, the best of each neighbourhood, are run to their
@@ -113,6 +120,11 @@ def fit(
         raise InputError("fit: no curves; expected at least one ModalCurves")
     if not isinstance(seed, numbers.Integral) or seed < 0:
         raise InputError(f"fit: seed = {seed!r}; expected a whole number, not negative")
+    for i, each in enumerate(several):
+        if not isinstance(each, ModalCurves):
+            raise InputError(f"curve {i}: expected ModalCurves, got {type(each).__name__}")
+    error = model_error_of(several, model_error)
+    several = list(with_model_error(several, error))
     others = {} if parameters is None else parameters
     if isinstance(model, JointedStructure):
         known = structural_parameters(model, groups, several, modes)
@@ -131,7 +143,7 @@ def fit(
             )
         row = fixed_at(replaced(tuple(modal_parameters(kind, several).values()), others), fixed)
         problem = modal_problem(kind, several, row, reference or "absolute")
-    return solve(problem, row, several, int(starts), int(seed))
+    return solve(problem, row, several, int(starts), int(seed), error)
 
 
 def solve(
@@ -140,6 +152,7 @@ def solve(
     curves: Sequence[ModalCurves],
     starts: int,
     seed: int,
+    model_error: ModelError | None = None,
 ) -> FitSolution:
     """Search a problem and say how sure its answer is."""
     random = np.random.default_rng(seed)
@@ -192,6 +205,7 @@ def solve(
         converged=bool(found.converged[best]) or bool(active),
         agreeing=int(np.sum(cost <= cost[best] * (1.0 + _SAME_COST) + _SAME_COST)),
         runs=cost.size,
+        model_error=model_error,
         model=problem.model(jnp.asarray(theta)),
         measured=tuple(curves),
         predicted=predicted_curves(problem, there.prediction, curves),

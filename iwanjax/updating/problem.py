@@ -78,7 +78,7 @@ def _columns(i: int, curves: ModalCurves, factor: float) -> np.ndarray:
     if curves.frequency_std is None or curves.damping_std is None:
         raise InputError(
             f"{label} has no standard deviations, which weigh frequency against damping; give "
-            "frequency_std and damping_std"
+            "frequency_std and damping_std, or model_error= to fit curves without noise"
         )
     if curves.amplitude.ndim != 1 or curves.amplitude.size < _FEWEST_LEVELS:
         raise InputError(

@@ -11,6 +11,7 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.types import compiled_for_one_call
+from iwanjax.updating.model_error import ModelError
 from iwanjax.updating.parameters import Parameter
 from iwanjax.updating.problem import AbstractProblem
 
@@ -82,6 +83,9 @@ class FitSolution:
         Runs that ended at the same cost as the best, within a thousandth (at least 1e-3).
     runs : int
         Runs in all, from the best of the starts.
+    model_error : ModelError or None
+        Relative deviations of the model's own frequency and damping that were allowed for, in
+        the deviations of ``measured`` too; None for none.
     model : ModalOscillator or JointedStructure
         With the estimates.
     measured, predicted : tuple of ModalCurves
@@ -105,6 +109,7 @@ class FitSolution:
     converged: bool
     agreeing: int
     runs: int
+    model_error: ModelError | None
     model: eqx.Module = field(repr=False)
     measured: tuple[ModalCurves, ...] = field(repr=False)
     predicted: tuple[ModalCurves, ...] = field(repr=False)
@@ -129,8 +134,13 @@ class FitSolution:
             f"It follows the frequency within {self.frequency_rms:.2g} Hz rms "
             f"({100 * self.frequency_rms / np.ptp(f):.2g} % of its range) and the damping within "
             f"{100 * self.damping_rms:.2g} % rms.",
-            "",
         ]
+        if self.model_error is not None:
+            lines.append(
+                f"Deviations include {100 * self.model_error.frequency:.2g} % of the frequency and "
+                f"{100 * self.model_error.damping:.2g} % of the damping for the model's own error."
+            )
+        lines.append("")
         width = max(len(name) for name in (*self.values, *self.derived))
         for p in self.parameters:
             lines.append(f"  {p.name:<{width}}  {self._told(p):<34}  {p.meaning}".rstrip())

@@ -138,6 +138,7 @@ def _told(each: Fitted) -> dict[str, Any]:
         "misfit_damping": solution.misfit_damping,
         "converged": solution.converged,
         "runs": solution.runs,
+        "model_error": None if solution.model_error is None else solution.model_error._asdict(),
         "agreeing": solution.agreeing,
         "active_bounds": solution.active_bounds,
         "undetermined": [

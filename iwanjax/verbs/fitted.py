@@ -78,6 +78,7 @@ def _modal(study: Study, mode: MeasuredMode) -> Fitted:
             curves,
             parameters,
             reference=settings.reference,
+            model_error=settings.error,
             starts=settings.starts,
             seed=settings.seed,
         )
@@ -120,6 +121,7 @@ def _structure(study: Study, modes: Sequence[MeasuredMode]) -> Fitted:
         modes=keys,
         groups=groups,
         reference=settings.reference,
+        model_error=settings.error,
         starts=settings.starts,
         seed=settings.seed,
     )
