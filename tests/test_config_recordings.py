@@ -162,7 +162,13 @@ def test_settings(study_file):
 def test_settings_that_are_not_given(study_file):
     study = load_study(study_file(MODAL[: MODAL.index("bounds:")]))
     assert study.ringdown.model_dump() == {"precision": 0.02, "order": 3}
-    assert study.fit.model_dump() == {"starts": 64, "seed": 0, "reference": None, "groups": {}}
+    assert study.fit.model_dump() == {
+        "starts": 64,
+        "seed": 0,
+        "reference": None,
+        "groups": {},
+        "model_error": None,
+    }
     assert study.posterior.model_dump() == {
         "effective": 1000,
         "walkers": 48,
