@@ -329,8 +329,14 @@ def _parameters(entry: FitEntry) -> Table:
     s = entry.solution
     rows = [parameter_row(p, s) for p in s.parameters]
     for name, (value, std) in s.derived.items():
-        unit, meaning = _DERIVED.get(name, ("", "follows from the above"))
-        told = (number(value), "one of several") if s.rivals else with_deviation(value, std)
+        unit, meaning = _DERIVED.get(name.rpartition(".")[2], ("", "follows from the above"))
+        least = s.least(name)
+        if least is not None:
+            told = (f"at least {number(least)}", "largest deflection")
+        elif s.follows(name):
+            told = with_deviation(value, std)
+        else:
+            told = (number(value), "not determined")
         rows.append((name, *told, modal_unit(unit, s.measured[0]), "–", meaning))
     return Table(
         ("Parameter", "Value", "Deviation", "Unit", "Prior", "Meaning"),

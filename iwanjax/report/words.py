@@ -174,8 +174,10 @@ def macroslip(solution: FitSolution) -> str:
     """Whether the curves reach the displacement at which all sliders slip; may be empty."""
     if "phi_max" not in solution.derived or not isinstance(solution.model, ModalOscillator):
         return ""
-    if solution.rivals:
-        return "From which displacement on the joint slips altogether is not determined."
+    if not solution.follows("phi_max"):
+        least = solution.least("phi_max")
+        beyond = "" if least is None else f", but beyond the largest measured, {number(least)}"
+        return f"From which displacement on the joint slips altogether is not determined{beyond}."
     value, std = solution.derived["phi_max"]
     largest = float(np.max(np.asarray(solution.problem.measured.q)))
     unit = length_unit(solution.measured[0])

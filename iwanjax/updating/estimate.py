@@ -14,6 +14,8 @@ from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision
+from iwanjax.updating.microslip import microslip
+from iwanjax.updating.minima import Minimum
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.model_error import ModelError, model_error_of, with_model_error
 from iwanjax.updating.parameters import Parameter, drawn, fixed_at, replaced, with_values
@@ -184,9 +186,18 @@ def solve(
     f, zeta = (np.asarray(x) for x in there.differences)
     freedom = max(1, f.size + zeta.size - len(problem.chart.free) + len(active))
     misfit = float(np.sqrt((np.sum(f**2) + np.sum(zeta**2)) / freedom))
-    as_good = cost <= cost[best] + rival_cost(f.size) * max(1.0, misfit) ** 2
-    rivals = np.stack([_completed(searched, end) for end in np.asarray(found.theta)[as_good]])
-    sure = certainty(there, final, tuple(active), misfit, rivals)
+    least = float(np.sum(f**2) + np.sum(zeta**2))
+    allowed = least + rival_cost(f.size) * max(1.0, misfit) ** 2
+    alike = microslip(
+        problem.iwan_places(jnp.asarray(theta)),
+        final,
+        theta,
+        lambda each: _minimum(problem, each).cost <= allowed,
+    )
+    ends = [_completed(searched, end) for end in np.asarray(found.theta)[cost <= allowed]]
+    minima = [_minimum(problem, each) for each in (theta, *ends, *alike.thetas)]
+    as_good = [each for each in minima if each.cost <= allowed]
+    sure = certainty(as_good, final, tuple(active), misfit)
     return FitSolution(
         parameters=final,
         covariance=sure.covariance,
@@ -195,6 +206,7 @@ def solve(
         determined=sure.determined,
         rivals=sure.rivals,
         active_bounds=active,
+        reaches=alike.reaches,
         misfit=misfit,
         misfit_frequency=_rms(f),
         misfit_damping=_rms(zeta),
@@ -227,6 +239,18 @@ def _completed(searched: AbstractLeastSquares, theta: np.ndarray) -> np.ndarray:
         return theta
     there = point(searched.base, jnp.asarray(theta))
     return np.asarray(searched.completed(jnp.asarray(theta), there.prediction[1]))
+
+
+def _minimum(problem: AbstractProblem, theta: np.ndarray) -> Minimum:
+    """Parameters and what the problem says there."""
+    there = point(problem, jnp.asarray(theta))
+    return Minimum(
+        theta,
+        float(sum(np.sum(np.asarray(x) ** 2) for x in there.differences)),
+        np.asarray(there.slope),
+        {name: np.asarray(x) for name, x in there.derived.items()},
+        {name: np.asarray(x) for name, x in there.derived_slope.items()},
+    )
 
 
 def rival_cost(levels: int) -> float:

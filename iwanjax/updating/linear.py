@@ -17,10 +17,11 @@ from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.linear_problem import RIGID, LinearProblem, Matched, MeasuredModes, believed
 from iwanjax.updating.linear_solution import LinearSolution
+from iwanjax.updating.minima import Minimum
 from iwanjax.updating.parameters import Chart, Parameter, drawn, with_values
 from iwanjax.updating.priors import LogNormal
 from iwanjax.updating.search import search, within_bounds
-from iwanjax.updating.solution import Point, certainty
+from iwanjax.updating.solution import certainty
 
 # Draws from which a prior's middle and deviation in the variable that is moved are taken.
 _DRAWS = 4000
@@ -152,10 +153,13 @@ def update_linear(
     differences = [np.asarray(x) for x in problem.differences(jnp.asarray(theta))]
     data = problem.data(jnp.asarray(theta))
     misfit = float(jnp.sqrt(jnp.mean(data**2)))
-    point = Point((after.frequency, after.assurance), (data, data[:0]), slope, {}, {})
     # Another minimum that is this little worse may hold the truth.
-    as_good = cost <= cost[best] + _AS_GOOD * max(1.0, misfit) ** 2
-    sure = certainty(point, final, tuple(active), misfit, np.asarray(found.theta)[as_good])
+    as_good = np.flatnonzero(cost <= cost[best] + _AS_GOOD * max(1.0, misfit) ** 2)
+    minima = [_minimum(theta, data, slope)]
+    for end in np.asarray(found.theta)[as_good]:
+        there = jnp.asarray(end)
+        minima.append(_minimum(end, problem.data(there), _there(problem, there, there)[2]))
+    sure = certainty(minima, final, tuple(active), misfit)
     return LinearSolution(
         parameters=final,
         started=row,
@@ -179,6 +183,10 @@ def update_linear(
         runs=cost.size,
         structure=structure,
     )
+
+
+def _minimum(theta: np.ndarray, data: Array, slope: Array) -> Minimum:
+    return Minimum(theta, float(jnp.sum(data**2)), np.asarray(slope), {}, {})
 
 
 @eqx.filter_jit

@@ -16,6 +16,7 @@ from iwanjax.joints.iwan import AbstractIwan, phi_max_of
 from iwanjax.joints.iwan5 import Iwan5, ring_down_share
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.structures.small import solve_spd
+from iwanjax.updating.microslip import IwanPlace
 from iwanjax.updating.parameters import Chart, Parameter, Transform
 from iwanjax.updating.priors import AbstractPrior, LogNormal, Normal, Uniform
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, modal_unit
@@ -103,6 +104,13 @@ class ModalProblem(AbstractProblem):
         f_0 = jnp.sqrt(jnp.maximum(x[0] * scale, 0.25 * scale)) / (2.0 * math.pi)
         better = jnp.where(forces, theta * strength, theta).at[0].set(f_0).at[1].set(x[2])
         return jnp.clip(better, self.chart.lower, self.chart.upper)
+
+    def iwan_places(self, theta: Float[Array, " parameters"]) -> tuple[IwanPlace, ...]:
+        """The mode's joint, up to the largest amplitude."""
+        if not issubclass(self.kind, AbstractIwan):
+            return ()
+        positions = {name: self.names.index(name) for name in ("F_S", "K_T", "chi", "beta")}
+        return (IwanPlace("", positions, float(jnp.max(self.measured.q))),)
 
     def derived(self, theta: Float[Array, " parameters"]) -> Mapping[str, Array]:
         """Stiffness beside the joint and, of an Iwan joint, its slider distribution."""

@@ -69,12 +69,17 @@ def model_error_of(
 
 
 def _median_share(curves: Sequence[ModalCurves], kind: str) -> float:
-    """Median over all levels of a stated deviation over its value; infinite where none is."""
+    """Median over all levels of a stated deviation over its value; infinite where one is missing.
+
+    A deviation of zero is no deviation, and refused later.
+    """
     stds = [getattr(each, f"{kind}_std") for each in curves]
     if not stds or any(std is None for std in stds):
         return math.inf
     values = [np.ravel(np.abs(np.asarray(getattr(each, kind)))) for each in curves]
     known = np.concatenate([np.ravel(np.asarray(std)) for std in stds])
+    if not np.all(known > 0.0):
+        return math.inf
     return float(np.median(known / np.concatenate(values)))
 
 

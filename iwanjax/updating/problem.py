@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.types import real
+from iwanjax.updating.microslip import IwanPlace
 from iwanjax.updating.parameters import Chart, Parameter
 
 Reference = Literal["absolute", "shift"]
@@ -163,6 +164,10 @@ class AbstractProblem(AbstractLeastSquares):
     def remarks(self, values: Mapping[str, float], determined: Mapping[str, bool]) -> list[str]:
         """What else is to be said of an estimate, in sentences."""
         return []
+
+    def iwan_places(self, theta: Float[Array, " parameters"]) -> tuple[IwanPlace, ...]:
+        """The Iwan joints among the parameters, and how far the curves take each."""
+        return ()
 
     def derived(self, theta: Float[Array, " parameters"]) -> Mapping[str, Array]:
         """What follows from the parameters and is worth reporting with its deviation."""

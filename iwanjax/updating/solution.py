@@ -11,6 +11,7 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.types import compiled_for_one_call
+from iwanjax.updating.minima import Minimum, mixture
 from iwanjax.updating.model_error import ModelError
 from iwanjax.updating.parameters import Parameter
 from iwanjax.updating.problem import AbstractProblem
@@ -19,6 +20,8 @@ from iwanjax.updating.problem import AbstractProblem
 # of what the prior leaves open.
 _DETERMINED = 1.0 / 3.0
 _PRIOR_DRAWS = 4000
+# Deviation over all minima, over that of the best one alone, from which on minima disagree.
+_DISAGREE = 2.0
 # Components below this are left out when a direction is put into words.
 _SMALL_COMPONENT = 0.25
 
@@ -54,9 +57,9 @@ class FitSolution:
     parameters : tuple of Parameter
         With the estimates as values.
     covariance : (parameters, parameters) array
-        Of the estimates, linearised, times ``misfit``\ ^2 where that is above 1; combinations
-        that the data leave open are closed by the priors. Zero for fixed parameters and
-        those on a bound.
+        Of the estimates, linearised, times ``misfit``\ ^2 where that is above 1, over all
+        minima that explain the curves by their evidence; combinations that the data leave open
+        are closed by the priors. Zero for fixed parameters and those on a bound.
     derived : dict of str to (float, float)
         What follows from the parameters, with deviations.
     undetermined : tuple of Direction
@@ -65,9 +68,13 @@ class FitSolution:
         For each free parameter, whether the data narrow it to less than a third.
     rivals : dict of str to (float, float)
         Range of each parameter over minima that noise may have made the worse ones, where
-        that is more than a third of its prior; such are not determined.
+        that is more than a third of its prior, or where they more than double its deviation;
+        such are not determined.
     active_bounds : dict of str to float
         Parameters that the data would move beyond a bound, and the bound.
+    reaches : dict of str to float
+        Largest deflection of each Iwan joint (or group; a mode's only one has no name) that the
+        curves may leave in microslip: its phi_max is that or more, and no more is known of it.
     misfit : float
         Root of chi^2 per degree of freedom: 1 where the model explains the curves to
         their stated deviations.
@@ -101,6 +108,7 @@ class FitSolution:
     determined: dict[str, bool]
     rivals: dict[str, tuple[float, float]]
     active_bounds: dict[str, float]
+    reaches: dict[str, float]
     misfit: float
     misfit_frequency: float
     misfit_damping: float
@@ -126,6 +134,16 @@ class FitSolution:
         deviations = np.sqrt(np.diag(self.covariance))
         return {p.name: float(s) for p, s in zip(self.parameters, deviations, strict=True)}
 
+    def follows(self, name: str) -> bool:
+        """Whether a derived quantity is determined: known to a third of itself."""
+        value, std = self.derived[name]
+        return std < _DETERMINED * abs(value) and self.least(name) is None
+
+    def least(self, name: str) -> float | None:
+        """Lower bound of a derived phi_max that the curves do not determine, else None."""
+        owner, _, quantity = name.rpartition(".")
+        return self.reaches.get(owner) if quantity == "phi_max" else None
+
     def summary(self) -> str:
         """The result in words and numbers, for people."""
         f = np.concatenate([np.asarray(curves.frequency) for curves in self.measured])
@@ -145,7 +163,13 @@ class FitSolution:
         for p in self.parameters:
             lines.append(f"  {p.name:<{width}}  {self._told(p):<34}  {p.meaning}".rstrip())
         for name, (value, std) in self.derived.items():
-            told = f"{value:.3g} (one of several)" if self.rivals else with_std(value, std)
+            least = self.least(name)
+            if least is not None:
+                told = f">= {least:.3g} (largest deflection)"
+            elif self.follows(name):
+                told = with_std(value, std)
+            else:
+                told = f"{value:.3g} (undetermined)"
             lines.append(f"  {name:<{width}}  {told:<34}  follows from the above")
         for name, bound in self.active_bounds.items():
             lines += [
@@ -253,56 +277,45 @@ def point(problem: AbstractProblem, theta: jax.Array) -> Point:
 
 
 def certainty(
-    there: Point,
+    minima: Sequence[Minimum],
     parameters: Sequence[Parameter],
     active: Sequence[str],
     misfit: float,
-    rivals: np.ndarray,
 ) -> Certainty:
     """Covariance, undetermined combinations, deviations of derived quantities.
 
     The residuals are linearised in each parameter's transform (the logarithm of a strength,
-    say) and measured by the deviation its prior has there. ``rivals`` (minima, parameters)
-    are other estimates that are as good.
+    say) and measured by the deviation its prior has there. ``minima`` are the estimate and
+    other ends of the search that are as good: deviations cover them by their evidence
+    (:func:`~iwanjax.updating.minima.mixture`).
     """
     moving = [i for i, p in enumerate(parameters) if not p.fixed and p.name not in active]
     spread = np.array([prior_deviation(parameters[i]) for i in moving])
-    scaled = np.asarray(there.slope)[:, moving] * spread / max(misfit, 1.0)
-    _, singular, rows = np.linalg.svd(scaled, full_matrices=False)
-    # The prior, taken as normal, closes the directions that the data leave open.
-    inverse = 1.0 / np.hypot(singular, 1.0)
     names = [parameters[i].name for i in moving]
+    found = mixture(minima, parameters, moving, spread, misfit)
+    # The prior, taken as normal, closes the directions that the data leave open.
     undetermined = tuple(
         Direction(
             dict(zip(names, (row * np.sign(row[np.argmax(abs(row))])).tolist(), strict=True)),
             float(size),
         )
-        for size, row in zip(inverse, rows, strict=True)
+        for size, row in zip(1.0 / np.hypot(found.singular, 1.0), found.rows, strict=True)
         if size > _DETERMINED
     )
-    root = (rows.T * inverse) * spread[:, None]
     covariance = np.zeros((len(parameters), len(parameters)))
-    covariance[np.ix_(moving, moving)] = root @ root.T
-    deviation = np.sqrt(np.sum((rows.T * inverse) ** 2, axis=1))
+    covariance[np.ix_(moving, moving)] = found.covariance * np.outer(spread, spread)
+    deviation, alone = (np.sqrt(np.diag(C)) for C in (found.covariance, found.alone))
+    rivals = np.stack([each.theta for each in minima])
     ranges = {
         parameters[i].name: (float(rivals[:, i].min()), float(rivals[:, i].max()))
-        for i, open_before in zip(moving, spread, strict=True)
-        if _apart(parameters[i], rivals[:, i])
+        for i, open_before, wide, narrow in zip(moving, spread, deviation, alone, strict=True)
+        if wide > _DISAGREE * narrow
+        or _apart(parameters[i], rivals[:, i])
         > _DETERMINED * _apart_unit(parameters[i], open_before)
     }
     return Certainty(
         covariance,
-        {
-            name: (
-                float(value),
-                float(np.sqrt(max(0.0, np.asarray(slope) @ covariance @ np.asarray(slope)))),
-            )
-            for (name, value), slope in zip(
-                there.derived.items(),
-                (there.derived_slope[name] for name in there.derived),
-                strict=True,
-            )
-        },
+        found.derived,
         undetermined,
         ranges,
         {
@@ -314,7 +327,9 @@ def certainty(
 
 def _apart(p: Parameter, values: np.ndarray) -> float:
     """Largest distance between values of a parameter, in its logarithm where that is moved."""
-    return float(np.ptp(np.log(values) if p.transform == "log" else values))
+    if p.transform == "log":
+        values = np.log(np.maximum(values, np.finfo(float).tiny))
+    return float(np.ptp(values))
 
 
 def _apart_unit(p: Parameter, deviation: float) -> float:

@@ -1,5 +1,6 @@
 """Fitting the joints of a structure to curves of its modes, through quasi-static modal analysis."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
@@ -11,6 +12,7 @@ from jaxtyping import Array, Float, Int
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
+from iwanjax.joints.iwan import AbstractIwan
 from iwanjax.quasistatic import QsmaSolution, qsma
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
@@ -22,6 +24,7 @@ from iwanjax.updating.background import (
     with_background,
 )
 from iwanjax.updating.interpolate import cubic
+from iwanjax.updating.microslip import IwanPlace
 from iwanjax.updating.parameters import Chart, Parameter
 from iwanjax.updating.priors import AbstractPrior, LogNormal, Normal, Uniform
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, unit_of
@@ -81,11 +84,8 @@ class StructuralProblem(AbstractProblem):
     def jointed(self, theta: Float[Array, " parameters"]) -> JointedStructure:
         """The structure with these joints and the C that it had."""
         joints: dict[str, AbstractJoint] = {}
-        first = 0
-        for labels in self.owners:
-            kind = type(self.structure.joints[labels[0]])
+        for _, labels, kind, first in self._groups():
             values = theta[first : first + len(kind.parameters)]
-            first += len(kind.parameters)
             for label in labels:
                 given = {i.name: v for i, v in zip(kind.parameters, values, strict=True)}
                 joints[label] = kind(**given)
@@ -104,14 +104,66 @@ class StructuralProblem(AbstractProblem):
         second = self._solved(structure, jnp.exp(loads), zeta_0).curves
         return second.frequency[self.curve, self.level], second.damping[self.curve, self.level]
 
-    def _solved(self, structure: JointedStructure, alpha: Array, zeta_0: Array) -> QsmaSolution:
+    def iwan_places(self, theta: Float[Array, " parameters"]) -> tuple[IwanPlace, ...]:
+        """Iwan joints by group, and the largest deflection of any of a group in any curve."""
+        with warnings.catch_warnings():
+            # Of loads beyond the curves, which may have no equilibrium.
+            warnings.simplefilter("ignore")
+            found = self._solved(self.jointed(theta), self.alpha, self.background(theta), True)
+        assert found.deflection is not None
+        q, d = (np.nan_to_num(np.abs(np.asarray(x))) for x in (found.q, found.deflection))
+        reach = np.zeros(d.shape[-1])
+        for part, own, each in zip(self.measured.slices, q, d, strict=True):
+            most = float(jnp.max(self.measured.q[part]))
+            reach = np.maximum(reach, [np.interp(most, own, row) for row in each.T])
+        labels = self.structure.labels
+        return tuple(
+            IwanPlace(
+                owner,
+                {
+                    name: self.names.index(f"{owner}.{name}")
+                    for name in ("F_S", "K_T", "chi", "beta")
+                },
+                max(float(reach[labels.index(label)]) for label in joints),
+            )
+            for owner, joints, kind, _ in self._groups()
+            if issubclass(kind, AbstractIwan)
+        )
+
+    def derived(self, theta: Float[Array, " parameters"]) -> Mapping[str, Array]:
+        """Of each Iwan joint or group its slider distribution: phi_max, R and S."""
+        structure = self.jointed(theta)
+        found = {}
+        for owner, labels, kind, _ in self._groups():
+            joint = structure.joints[labels[0]]
+            if issubclass(kind, AbstractIwan) and isinstance(joint, AbstractIwan):
+                each = {"phi_max": joint.phi_max, "R": joint.R, "S": joint.S}
+                found |= {f"{owner}.{name}": value for name, value in each.items()}
+        return found
+
+    def _groups(self) -> list[tuple[str, tuple[str, ...], type[AbstractJoint], int]]:
+        """Name, joints, type and first parameter of each group."""
+        found, first = [], 0
+        for labels in self.owners:
+            kind = type(self.structure.joints[labels[0]])
+            found.append((self.names[first].rpartition(".")[0], labels, kind, first))
+            first += len(kind.parameters)
+        return found
+
+    def _solved(
+        self,
+        structure: JointedStructure,
+        alpha: Array,
+        zeta_0: Array,
+        deflections: bool = False,
+    ) -> QsmaSolution:
         return qsma(
             structure,
             self.modes,
             alpha,
             zeta_0,
             frequency="first_harmonic",
-            deflections=False,
+            deflections=deflections,
         )
 
 

@@ -131,7 +131,13 @@ def _told(each: Fitted) -> dict[str, Any]:
         "modes": [mode.name for mode in each.modes],
         "parameters": parameters(solution),
         "derived": {
-            name: {"value": value, "std": std} for name, (value, std) in solution.derived.items()
+            name: {
+                "value": value,
+                "std": std,
+                "determined": solution.follows(name),
+                "at_least": solution.least(name),
+            }
+            for name, (value, std) in solution.derived.items()
         },
         "misfit": solution.misfit,
         "misfit_frequency": solution.misfit_frequency,

@@ -13,6 +13,7 @@ import iwanjax as ij
 from iwanjax.errors import InputError
 from iwanjax.updating import LogNormal, Parameter, Uniform, fit, structural_parameters
 from iwanjax.updating.background import with_background
+from iwanjax.updating.microslip import alike_in_microslip
 from iwanjax.updating.structural import structural_problem
 
 SIGMAS, RARE = 4.0, 1e-4
@@ -40,18 +41,19 @@ def guess():
     return chain({"J1": (ROW, ij.Iwan4(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0))})
 
 
-def computed(mode):
-    """Modal displacement, frequency, damping and shape: statics of one scalar equation."""
-    o = make_hits.Oscillator(f_0=1.0, zeta_0=0.0, **TRUTH)
-    phi, k = make_hits.sliders(o, count=1500, ratio=1.01)
-    omega2, shapes = scipy.linalg.eigh(K + o.K_T * np.outer(ROW, ROW), M)
-    shape = shapes[:, mode]
+def statics(mode, most=60.0):
+    """Loads, modal displacement and the joint's deflection, from one scalar equation.
+
+    Up to a load ``most``; the last slider slips from 32 on.
+    """
+    phi, k = make_hits.sliders(make_hits.Oscillator(1.0, 0.0, **TRUTH), count=1500, ratio=1.01)
+    shape = mode_of(mode)[1]
     free, give = np.linalg.solve(K, M @ shape), np.linalg.solve(K, ROW)
 
     def force(d):
         return np.sign(d) * np.minimum(abs(d), phi) @ k
 
-    q, d, alpha = [], [], np.geomspace(0.1, 60.0, LEVELS)
+    q, d, alpha = [], [], np.geomspace(0.1, most, LEVELS)
     for a in alpha:
         far = abs(a * ROW @ free) + 1.0
         root = scipy.optimize.brentq(
@@ -59,21 +61,33 @@ def computed(mode):
         )
         d.append(root)
         q.append(shape @ M @ (a * free - give * force(root)))
-    q, d = np.array(q), np.array(d)
+    return alpha, np.array(q), np.array(d), phi, k
+
+
+def mode_of(mode):
+    """Squared frequency and shape of a mode of the chain at rest."""
+    omega2, shapes = scipy.linalg.eigh(K + TRUTH["K_T"] * np.outer(ROW, ROW), M)
+    return omega2[mode], shapes[:, mode]
+
+
+def computed(mode, most=60.0):
+    """Modal displacement, frequency, damping and shape."""
+    alpha, q, d, phi, k = statics(mode, most)
+    omega2, shape = mode_of(mode)
     harmonic, loss = steady_cycle(phi, k, np.abs(d))
-    omega = np.sqrt(omega2[mode] - (ROW @ shape) * (o.K_T - harmonic) * d / q)
+    omega = np.sqrt(omega2 - (ROW @ shape) * (TRUTH["K_T"] - harmonic) * d / q)
     # The joint's own damping.
     return q, omega / (2 * np.pi), loss / (2 * np.pi * alpha * q), shape
 
 
-def noisy(background):
+def noisy(background, seed=7, most=60.0):
     """Curves of both modes, with damping of their own and noise."""
     made = []
     for i, (mode, zeta_0) in enumerate(zip(MODES, background, strict=True)):
-        q, f, zeta, _ = computed(mode)
+        q, f, zeta, _ = computed(mode, most)
         zeta = zeta + zeta_0
         f_std, zeta_std = 1e-5 * f, 0.01 * zeta + 1e-7
-        error = np.random.default_rng([7, i]).standard_normal((2, LEVELS))
+        error = np.random.default_rng([seed, i]).standard_normal((2, LEVELS))
         made.append(
             ij.ModalCurves(
                 q,
@@ -329,3 +343,77 @@ def test_damping_of_a_structure_is_the_middle_of_its_prior(guess, curves):
         least = float(np.min(np.asarray(curve.damping)))
         assert ZETA_0[name] < least < float(p.prior.high) < 1.1 * least
         assert 0.0 < p.value < least
+
+
+# --- below macroslip ----------------------------------------------------------------------
+
+# The load that takes the joint to two thirds of the way to macroslip.
+GENTLE = 20.0
+JOINT = ij.Iwan4(**TRUTH)
+
+
+@pytest.mark.parametrize("seed", [100, 104, 108])
+def test_microslip_determines_r_and_a_lower_bound_of_phi_max(guess, seed):
+    """S to a third of itself, and F_S not: their deviations hold the truth all the same."""
+    found = fit(guess, noisy(ZETA_0.values(), seed, GENTLE), modes=MODES, starts=STARTS)
+    reach = max(np.abs(statics(mode, GENTLE)[2]).max() for mode in MODES)
+    assert reach < 0.7 * float(JOINT.phi_max)
+    assert found.reaches["J1"] == pytest.approx(reach, rel=0.01)
+    assert found.least("J1.phi_max") == found.reaches["J1"]
+    assert found.follows("J1.R")
+    assert not found.determined["J1.F_S"]
+    for name in ("R", "S"):
+        value, std = found.derived[f"J1.{name}"]
+        assert abs(value - float(getattr(JOINT, name))) < SIGMAS * std, name
+    truth = {f"J1.{name}": value for name, value in TRUTH.items()} | ZETA_0
+    for name, value in truth.items():
+        assert abs(found.values[name] - value) < SIGMAS * found.std[name], name
+    summary = found.summary()
+    assert f">= {found.reaches['J1']:.3g} (largest deflection)" in summary
+    assert "J1.S" in summary
+
+
+def test_a_kink_that_noise_has_made_is_not_the_strength(guess):
+    """With the stiffness known F_S was 3.98 +- 0.002 for 6: the end of the measured range."""
+    known = {"J1.K_T": TRUTH["K_T"]}
+    for seed in (104, 108):
+        curves = noisy(ZETA_0.values(), seed, GENTLE)
+        found = fit(guess, curves, modes=MODES, fixed=known, starts=STARTS)
+        assert not found.determined["J1.F_S"]
+        assert abs(found.values["J1.F_S"] - TRUTH["F_S"]) < 2.0 * found.std["J1.F_S"]
+        low, high = found.rivals["J1.F_S"]
+        assert low < TRUTH["F_S"] < high
+        assert found.determined["J1.chi"]
+
+
+def test_macroslip_in_the_curves_leaves_no_bound(found):
+    assert not found.reaches
+    for name in ("phi_max", "R", "S"):
+        value, std = found.derived[f"J1.{name}"]
+        assert found.follows(f"J1.{name}")
+        assert abs(value - float(getattr(JOINT, name))) < SIGMAS * std
+
+
+def test_joints_that_are_alike_below_macroslip_are():
+    """Sliders of each of them, driven up to the reach: the same stiffness and loss."""
+    reach = 0.6 * float(JOINT.phi_max)
+    d = reach * np.array([0.1, 0.5, 1.0])
+
+    def cycle(joint):
+        phi, k = make_hits.sliders(make_hits.Oscillator(1.0, 0.0, **joint), count=3000, ratio=1.005)
+        return steady_cycle(phi, k, d)
+
+    alike = alike_in_microslip(**TRUTH, reach=reach)
+    assert len(alike) == 7
+    expected = cycle(TRUTH)
+    for joint in alike:
+        assert joint["K_T"] == pytest.approx(TRUTH["K_T"])
+        for found, known in zip(cycle(joint), expected, strict=True):
+            np.testing.assert_allclose(found, known, rtol=5e-3)
+    # From where the curves end to where the last slider would have no strength.
+    phi_max = [float(ij.Iwan4(**joint).phi_max) for joint in alike]
+    n = TRUTH["chi"] + 1.0
+    end = (n * TRUTH["K_T"] / float(JOINT.R)) ** (1.0 / n)
+    assert phi_max[0] == pytest.approx(reach, rel=0.01)
+    assert phi_max[-1] == pytest.approx(0.98 * min(end, 10.0 * reach / 0.98), rel=0.01)
+    assert not alike_in_microslip(**TRUTH, reach=2.0 * end)

@@ -1,0 +1,157 @@
+"""What curves below macroslip say of Iwan joints, and what they leave open."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.joints.iwan import distribution_of, physical_of
+from iwanjax.updating.parameters import Parameter
+
+# Onsets of macroslip that are tried: a prime, so that each of a few joints goes through all of
+# them in an order of its own.
+_PLACES = 7
+# The first one over the largest deflection, the last one over where the Dirac slider has no
+# strength left, and the farthest in any case.
+_BEYOND, _SHORT, _FARTHEST = 1.001, 0.98, 10.0
+
+
+class IwanPlace(NamedTuple):
+    """An Iwan joint among the parameters of a fit.
+
+    Attributes
+    ----------
+    owner : str
+        The joint, or the group that shares its parameters; empty for a mode's only one.
+    positions : mapping of str to int
+        Where F_S, K_T, chi and beta are.
+    reach : float
+        Largest deflection that the curves take it to.
+    """
+
+    owner: str
+    positions: Mapping[str, int]
+    reach: float
+
+
+class Microslip(NamedTuple):
+    """What is alike for curves that stay below macroslip.
+
+    Attributes
+    ----------
+    thetas : tuple of (parameters,) array
+        Parameters that the curves cannot tell from the estimate.
+    reaches : dict of str to float
+        For each joint that is not known to come to macroslip, the largest deflection.
+    """
+
+    thetas: tuple[np.ndarray, ...]
+    reaches: dict[str, float]
+
+
+def alike_in_microslip(
+    F_S: float, K_T: float, chi: float, beta: float, reach: float
+) -> list[dict[str, float]]:
+    r"""Iwan joints that no deflection up to ``reach`` tells from one in microslip.
+
+    Below macroslip the force is :math:`K_Tu - R\,u^{\chi+2}/[(\chi+1)(\chi+2)]`: with K_T, chi
+    and R kept, :math:`\phi_{max}` may be anything from the largest deflection on to where
+    the Dirac slider has no strength left (3.33),
+    :math:`\phi_{max}^{\chi+1} = (\chi+1)K_T/R`.
+
+    Parameters
+    ----------
+    F_S, K_T, chi, beta : float
+        The joint.
+    reach : float
+        Largest deflection in the curves.
+
+    Returns
+    -------
+    list of dict of str to float
+        F_S, K_T, chi and beta of each; empty where there is no room.
+    """
+    n = chi + 1.0
+    if not (n > 0.0 and K_T > 0.0 and F_S > 0.0 and reach > 0.0):
+        return []
+    R = float(distribution_of(*(jnp.asarray(x) for x in (F_S, K_T, chi, beta)))[0])
+    if not 0.0 < R < np.inf:
+        return []
+    # By logarithms: near chi = -1 it is beyond all numbers.
+    last = min(math.log(n * K_T / R) / n, math.log(_FARTHEST * reach))
+    first, last = _BEYOND * reach, _SHORT * math.exp(last)
+    if last <= first:
+        return []
+    found = []
+    for phi_max in np.geomspace(first, last, _PLACES):
+        S = K_T - R * phi_max**n / n
+        joint = physical_of("microslip", R, S, chi, phi_max)
+        found.append({name: float(value) for name, value in joint.items()})
+    return found
+
+
+def microslip(
+    places: Sequence[IwanPlace],
+    parameters: Sequence[Parameter],
+    theta: np.ndarray,
+    as_good: Callable[[np.ndarray], bool],
+) -> Microslip:
+    """Estimates that differ from one in where joints come to macroslip, and explain as well.
+
+    A search ends on a kink that noise has made at the last levels, or anywhere beyond: its
+    slope there knows nothing of the plain on the other side.
+
+    Parameters
+    ----------
+    places : sequence of IwanPlace
+    parameters : sequence of Parameter
+    theta : (parameters,) array
+        The estimate.
+    as_good : function of a (parameters,) array
+        Whether the curves leave it open.
+    """
+    families: list[tuple[IwanPlace, list[dict[str, float]]]] = []
+    for place in places:
+        at = place.positions
+        own = {name: float(theta[i]) for name, i in at.items()}
+        family = [
+            joint
+            for joint in alike_in_microslip(**own, reach=place.reach)
+            if all(
+                parameters[i].lower <= joint[name] <= parameters[i].upper for name, i in at.items()
+            )
+        ]
+        free = not any(parameters[at[name]].fixed for name in ("F_S", "beta"))
+        if (
+            free
+            and len(family) == _PLACES
+            and as_good(_moved(theta, [(place, family[_PLACES // 2])]))
+        ):
+            families.append((place, family))
+    candidates = [
+        _moved(
+            theta,
+            [
+                (place, family[(k * (1 + j % (_PLACES - 1)) + j) % _PLACES])
+                for j, (place, family) in enumerate(families)
+            ],
+        )
+        for k in range(_PLACES)
+    ]
+    return Microslip(
+        tuple(each for each in candidates if families and as_good(each)),
+        {place.owner: place.reach for place, _ in families},
+    )
+
+
+def _moved(
+    theta: np.ndarray, joints: Sequence[tuple[IwanPlace, Mapping[str, float]]]
+) -> np.ndarray:
+    """Parameters with other joints at some places."""
+    moved = theta.copy()
+    for place, joint in joints:
+        for name, i in place.positions.items():
+            moved[i] = joint[name]
+    return moved
