@@ -1,6 +1,5 @@
 """Free decays of a structure after impacts, mode by mode (thesis Sec. 2.2.3)."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -13,12 +12,19 @@ from iwanjax.errors import InputError
 from iwanjax.joints.sliders import SLIDERS
 from iwanjax.signals.filters import analytic_signal, band_pass_gain
 from iwanjax.signals.hilbert import RingDown, ringdown
-from iwanjax.structures import JointedStructure
+from iwanjax.structures import JointedStructure, modal_assurance
+from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike
 
 # The lowest band begins at this share of its mode's least frequency, and the highest ends as
 # far above its mode; a band between two modes ends in the middle of them.
 _BESIDE = 0.6
+# Of the way from a mode to the next one up, what its band has at least: a joint that lowers the
+# next one as far as this mode takes nothing from it.
+_OWN = 0.25
+# Relative distance up to which modes share a band: a corner between them would be within a
+# quarter of a per cent of either, and colour the decays that it is to part.
+_TOGETHER = 0.01
 _ORDER = 3
 
 
@@ -62,8 +68,8 @@ def modal_decays(
     dt: float,
     *,
     inputs: ArrayLike | None = None,
-    modes: Sequence[int] | None = None,
-    bands: Sequence[tuple[float, float]] | None = None,
+    modes: Sequence[int | ArrayLike] | None = None,
+    bands: Sequence[tuple[float, float] | None] | None = None,
     start: float | None = None,
     method: Method = "exact",
     every: int = 1,
@@ -87,11 +93,13 @@ def modal_decays(
         Step, s.
     inputs : (inputs, n) array_like, optional
         Rows along which the forces act.
-    modes : sequence of int, optional
-        Elastic modes to follow, by default all.
-    bands : sequence of (float, float), optional
-        Of the band-pass for each mode, Hz; by default from the middle to the next mode on
-        either side, wide enough for what the joints may lower a mode by.
+    modes : sequence of int or of (n,) array_like, optional
+        Elastic modes to follow, by default all: by index, lowest 0, or by shape, for which the
+        mode with the highest modal assurance is taken.
+    bands : sequence of (float, float) or None, optional
+        Of the band-pass for each of ``modes``, Hz, in their order. None, and the default: from
+        the middle to the next mode on either side, as far as the joints may lower that one; the
+        mode itself is always inside.
     start : float, optional
         Beginning of the free decay, s; by default where the force is last other than zero.
     method, every, sliders
@@ -104,19 +112,22 @@ def modal_decays(
     Raises
     ------
     InputError
-        As :func:`~iwanjax.simulate`, and for modes that do not exist or bands that do not
-        match them.
+        As :func:`~iwanjax.simulate`, and for modes that do not exist, shapes that are two of
+        one mode, or bands that do not match them.
     """
     low = structure.modes("low")
-    count = low.omega.shape[0]
-    which = tuple(range(count)) if modes is None else tuple(int(m) for m in modes)
-    for mode in which:
-        if not 0 <= mode < count:
-            raise InputError(f"mode {mode} does not exist; expected 0 to {count - 1}")
-    every_band = _bands(structure)
-    chosen = tuple(every_band[m] for m in which) if bands is None else tuple(bands)
-    if len(chosen) != len(which):
-        raise InputError(f"got {len(chosen)} bands for {len(which)} modes")
+    asked = range(low.omega.shape[0]) if modes is None else modes
+    which = tuple(_mode(structure, np.asarray(low.Phi), mode) for mode in asked)
+    if len(set(which)) != len(which):
+        raise InputError(f"modes: these are modes {', '.join(map(str, which))}; expected each once")
+    own = _bands(structure)
+    given = [None] * len(which) if bands is None else list(bands)
+    if len(given) != len(which):
+        raise InputError(f"got {len(given)} bands for {len(which)} modes; expected one each")
+    chosen = tuple(
+        own[mode] if band is None else _band(i, band)
+        for i, (mode, band) in enumerate(zip(which, given, strict=True))
+    )
     Phi = np.asarray(low.Phi)[:, list(which)]
     found = simulate(
         structure,
@@ -171,6 +182,30 @@ def _last_force(force: np.ndarray, dt: float) -> float:
     return dt * float(acting[-1] + 1) if acting.size else 0.0
 
 
+def _mode(structure: JointedStructure, Phi: np.ndarray, mode: int | ArrayLike) -> int:
+    """Index of an elastic mode, given by it or by its shape."""
+    asked = np.asarray(mode)
+    if asked.ndim == 0 and asked.dtype.kind in "iu":
+        if not 0 <= int(asked) < Phi.shape[1]:
+            raise InputError(f"mode {asked} does not exist; expected 0 to {Phi.shape[1] - 1}")
+        return int(asked)
+    shape = finite_array(mode, "modes: a shape")
+    if shape.shape != Phi.shape[:1] or not np.any(shape):
+        raise InputError(
+            f"modes: expected indices, or shapes of {Phi.shape[0]} numbers that are not all zero; "
+            f"got one of shape {shape.shape}"
+        )
+    return int(np.argmax(modal_assurance(Phi, shape[:, None], structure.structure.M)))
+
+
+def _band(i: int, band: tuple[float, float]) -> tuple[float, float]:
+    """One checked band."""
+    corners = finite_array(band, f"bands[{i}]")
+    if corners.shape != (2,) or not 0.0 < corners[0] < corners[1]:
+        raise InputError(f"bands[{i}] = {band!r}; expected two rising frequencies, Hz, or None")
+    return float(corners[0]), float(corners[1])
+
+
 def _bands(structure: JointedStructure) -> list[tuple[float, float]]:
     """For each elastic mode the band that is its own from low to large amplitude, Hz."""
     high = np.asarray(structure.modes("low").frequency)
@@ -181,5 +216,19 @@ def _bands(structure: JointedStructure) -> list[tuple[float, float]]:
     # Without its joints the structure may have fewer elastic modes; the lowest became rigid.
     low = np.concatenate([np.zeros(high.size - low.size), low])
     low = np.maximum(np.minimum(low, high), 0.5 * high)
-    edges = [_BESIDE * low[0], *(0.5 * (high[:-1] + low[1:])), high[-1] / _BESIDE]
-    return [(float(a), float(b)) for a, b in itertools.pairwise(edges)]
+
+    def between(a: int, b: int) -> float:
+        """Frequency that parts mode a from a higher one, which the joints lower."""
+        return max(0.5 * (high[a] + low[b]), high[a] + _OWN * (high[b] - high[a]))
+
+    found = []
+    for k, f in enumerate(high):
+        below = np.flatnonzero(high < f / (1.0 + _TOGETHER))
+        above = np.flatnonzero(high > f * (1.0 + _TOGETHER))
+        found.append(
+            (
+                float(between(int(below[-1]), k) if below.size else _BESIDE * low[0]),
+                float(between(k, int(above[0])) if above.size else high[-1] / _BESIDE),
+            )
+        )
+    return found

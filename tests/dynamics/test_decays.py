@@ -1,0 +1,100 @@
+"""Bands of modes that joints lower past one another, and modes given by shape."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import iwanjax as ij
+from iwanjax.dynamics import half_sine, modal_input
+from iwanjax.errors import InputError
+
+# Four masses on springs of their own: natural frequencies at rest, Hz, and those of them that
+# hang on a joint for nine tenths of their stiffness.
+REST = np.array([10.0, 12.0, 14.0, 30.0])
+JOINTED = {"first": 1, "second": 2}
+DT, SAMPLES = 2e-3, 8_000
+
+
+@cache
+def masses(rest=tuple(REST)):
+    """Without its joint a mass goes down to a third of its frequency."""
+    k = (2.0 * np.pi * np.array(rest)) ** 2
+    slack = k.copy()
+    joints = {}
+    for name, i in JOINTED.items():
+        slack[i] = 0.1 * k[i]
+        joint = ij.Iwan4(F_S=k[i], K_T=0.9 * k[i], chi=-0.5, beta=1.0)
+        joints[name] = (np.eye(len(rest))[i], joint)
+    C = np.diag(2.0 * 5e-3 * np.sqrt(k))
+    return ij.JointedStructure(ij.LinearStructure(np.eye(len(rest)), C, np.diag(slack)), joints)
+
+
+def decays(modes, excited, **options):
+    force = half_sine(DT * np.arange(SAMPLES), 1e-2, 2.0 * np.pi * REST[excited])[:, None]
+    return ij.modal_decays(
+        masses(), force, DT, inputs=modal_input(masses(), excited), modes=modes, **options
+    )
+
+
+def test_every_band_that_is_chosen_has_its_mode_in_it():
+    """Slack frequencies in order, 3.8 4.4 10 30, had 12 Hz looked for between 8 and 11."""
+    bands = decays([0, 1, 2, 3], 0).bands
+    assert len(bands) == 4
+    for (low, high), f in zip(bands, REST, strict=True):
+        assert low < f < high
+    # A quarter of the way to a neighbour at least, and no band reaches over one.
+    for (_, high), (low, _), f, above in zip(
+        bands[:-1], bands[1:], REST[:-1], REST[1:], strict=True
+    ):
+        assert high == low
+        assert f + 0.25 * (above - f) <= high < above
+
+
+def test_the_decay_is_that_of_the_mode():
+    ringdown = decays([1], 1).ringdowns[0][0]
+    assert ringdown is not None
+    np.testing.assert_allclose(ringdown.curves.frequency, REST[1], rtol=2e-3)
+
+
+def test_modes_that_no_corner_can_part_share_a_band():
+    near = masses((10.0, 12.0, 12.0 * (1.0 + 1e-4), 30.0))
+    force = np.zeros((100, 1))
+    force[0] = 1.0
+    bands = ij.modal_decays(near, force, DT, inputs=np.ones((1, 4))).bands
+    assert bands[1] == pytest.approx(bands[2], rel=0.1)
+    for i in (1, 2):
+        assert bands[i][0] < 11.9
+        assert bands[i][1] > 12.1
+
+
+def test_shapes_have_a_band_each():
+    """In the order they are given in; where there is none it is chosen."""
+    shapes = [[0.0, 0.1, 1.0, 0.0], [1.0, 0.0, 0.2, 0.0]]
+    found = decays(shapes, 2, bands=[(13.0, 15.0), None])
+    assert found.modes == (2, 0)
+    assert found.bands[0] == (13.0, 15.0)
+    assert found.bands[1] == decays([0], 0).bands[0]
+    ringdown = found.ringdowns[0][0]
+    assert ringdown is not None
+    assert ringdown.curves.name == "mode 2"
+    np.testing.assert_allclose(ringdown.curves.frequency, REST[2], rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("modes", "bands", "told"),
+    [
+        ([4], None, "mode 4 does not exist; expected 0 to 3"),
+        ([-1], None, "mode -1 does not exist"),
+        ([0, 0], None, "these are modes 0, 0; expected each once"),
+        ([0, [1.0, 0.1, 0.0, 0.0]], None, "these are modes 0, 0; expected each once"),
+        ([[1.0, 0.0]], None, r"shapes of 4 numbers.*shape \(2,\)"),
+        ([[0.0] * 4], None, "not all zero"),
+        ([0, 1], [(8.0, 11.0)], "got 1 bands for 2 modes; expected one each"),
+        ([0, 1], [(8.0, 11.0), (13.0, 11.0)], r"bands\[1\] = \(13.0, 11.0\); expected two rising"),
+        ([0], [(8.0,)], r"bands\[0\] = \(8.0,\)"),
+    ],
+)
+def test_what_is_no_mode_or_band_is_refused(modes, bands, told):
+    with pytest.raises(InputError, match=told):
+        decays(modes, 0, bands=bands)
