@@ -11,6 +11,7 @@ import scipy.io
 from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
+import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.signals import read_curves, read_recording, ringdown
 
@@ -266,6 +267,43 @@ BAD = {
         ["fixed"],
     ),
 }
+
+
+def test_curves_without_deviations_are_fitted_with_the_models_own_error(tmp_path):
+    q = np.geomspace(1e-6, 1e-4, 12)
+    mode = ij.ModalOscillator(100.0, 1e-3, ij.Iwan4(F_S=10.0, K_T=4e4, chi=-0.5, beta=1.0))
+    f, zeta = (np.asarray(x) for x in mode.frequency_and_damping(q))
+    rows = "\n".join(f"{a:.9g},{b:.12g},{c:.12g}" for a, b, c in zip(q, f, zeta, strict=True))
+    (tmp_path / "c.csv").write_text(f"amplitude,frequency_hz,damping\n{rows}\n")
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        CURVES.replace("kind: curves", "kind: curves, response: {quantity: displacement}")
+        + "fixed: {m.F_S: 10}\nfit: {starts: 4, model_error: {frequency: 1e-4, damping: 0.02}}\n"
+    )
+    result = run("fit", study, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    (told,) = json.loads((tmp_path / "out" / "fit.json").read_text())["fits"]
+    assert told["model_error"] == {"frequency": 1e-4, "damping": 0.02}
+    assert (told["parameters"]["F_S"]["value"], told["parameters"]["F_S"]["fixed"]) == (10.0, True)
+    assert told["derived"]["R"].keys() == {"value", "std", "determined", "at_least"}
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert "for the model's own error" in html.unescape(report)
+
+
+def test_a_mode_that_no_recording_is_of_has_no_damping_to_fix(tmp_path):
+    q = np.geomspace(1.0, 10.0, 5)
+    rows = "\n".join(f"{a:g},0.19,1e-3,1e-5,1e-5" for a in q)
+    head = "amplitude,frequency_hz,damping,frequency_hz_std,damping_std"
+    (tmp_path / "c.csv").write_text(f"{head}\n{rows}\n")
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        "name: a\nmodel: {builder: three_mass}\n"
+        "recordings: [{file: c.csv, kind: curves, mode: 1}]\n"
+        "fixed: {mode2.zeta_0: 1e-4}\n"
+    )
+    result = run("fit", study, "--out", tmp_path / "out")
+    assert result.exit_code == 2, result.output
+    assert "study.yaml:4: fixed.mode2.zeta_0: no recording is of this mode" in result.stderr
 
 
 @pytest.mark.parametrize(("prepare", "text", "words"), BAD.values(), ids=BAD)

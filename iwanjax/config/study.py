@@ -138,7 +138,9 @@ def load_study(path: str | Path) -> Study:
         A YAML file with ``name`` and ``model``: a ``file`` of ours, ``matrices`` of another
         program or a ``builder``, with ``joints``; or ``modal``, single modes.
         Optional are ``recordings``, what is analysed (``modes``, ``bands``), what is known
-        of parameters (``bounds``, ``priors``, ``values``, ``fixed``), how it is done
+        of parameters (``bounds``, ``priors``, ``values``, ``fixed``; those of a structure are
+        called ``J1.chi`` or, of elastic mode 1, ``mode1.zeta_0``, and ``fixed: {J1.chi: -0.5}``
+        holds one at a value), how it is done
         (``qsma``, ``simulate``, ``ringdown``, ``fit``, ``posterior``, ``seed``), and for a
         diagnosis ``noise``, ``hypotheses`` and ``budget``.
 

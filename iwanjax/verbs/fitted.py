@@ -20,6 +20,7 @@ from iwanjax.updating import (
     modal_parameters,
     structural_parameters,
 )
+from iwanjax.updating.model_error import model_error_of, with_model_error
 from iwanjax.verbs.curves import common_curve
 from iwanjax.verbs.measured import MeasuredMode
 
@@ -69,10 +70,11 @@ def _modal(study: Study, mode: MeasuredMode) -> Fitted:
     kind = next(modal.kind for modal in study.modal if modal.name == mode.name)
     start = time.perf_counter()
     curves = of_one_quantity(mode.weighted)
-    parameters = study.parameters(mode.name, modal_parameters(kind, curves))
     settings = study.fit
+    weighed = with_model_error(curves, model_error_of(curves, settings.error))
+    parameters = study.parameters(mode.name, modal_parameters(kind, weighed))
     with ThreadPoolExecutor(1) as other:
-        exponents = other.submit(_exponents, curves)
+        exponents = other.submit(_exponents, weighed)
         solution = fit(
             kind,
             curves,
@@ -110,7 +112,8 @@ def _structure(study: Study, modes: Sequence[MeasuredMode]) -> Fitted:
     keys = [mode.key for mode in modes if isinstance(mode.key, int)]
     settings = study.fit
     groups = settings.groups or None
-    known = structural_parameters(study.structure, groups, curves, keys)
+    weighed = with_model_error(curves, model_error_of(curves, settings.error))
+    known = structural_parameters(study.structure, groups, weighed, keys)
     for name, change in study.changes.items():
         if name not in known:
             raise InputError(f"{change.place}: no recording is of this mode; remove {name}")
