@@ -286,7 +286,7 @@ def test_modes_without_damping_of_their_own_are_refused(guess, curves):
 
 
 def test_a_truth_without_damping_of_its_own_is_found_within_its_deviation(guess):
-    found = fit(guess, noisy((0.0, 0.0)), modes=MODES, starts=4)
+    found = fit(guess, noisy((0.0, 0.0)), modes=MODES, starts=STARTS)
     # A search that moved the ratios towards zero by their logits used to run out of steps.
     assert found.converged
     for name in ZETA_0:
