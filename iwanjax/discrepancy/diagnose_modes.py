@@ -24,7 +24,8 @@ from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike, require_double_precision
-from iwanjax.updating.parameters import Parameter, drawn, replaced
+from iwanjax.updating.background import background_name, viscous_ratios
+from iwanjax.updating.parameters import Parameter, drawn, fixed_at, replaced
 from iwanjax.updating.problem import Reference
 from iwanjax.updating.structural import structural_parameters, structural_problem
 
@@ -71,7 +72,7 @@ def diagnose_modes(
     held_out : mapping of int to ModalCurves or sequence of them, optional
         Curves of these modes that no fit sees.
     parameters : mapping of str to Parameter, optional
-        Replaces those of :func:`iwanjax.updating.structural_parameters` by name.
+        Replaces those of :func:`modes_parameters` by name.
     places : mapping of str to (n,) array_like
         Rows of the places where a force may be missing.
     groups : mapping of str to sequence of str, optional
@@ -112,7 +113,7 @@ def diagnose_modes(
     if not rows:
         raise InputError("diagnose_modes: no places; expected {label: row} for at least one")
     several = [curves[mode] for mode in modes]
-    known = structural_parameters(structure, groups, several, modes)
+    known = modes_parameters(structure, several, modes, groups)
     row = replaced(tuple(known.values()), parameters or {})
     base = structural_problem(structure, several, row, modes, None, groups, reference)
     random = np.random.default_rng(seed)
@@ -164,6 +165,28 @@ def diagnose_modes(
         complete=complete,
         seconds=time.perf_counter() - started,
     )
+
+
+def modes_parameters(
+    structure: JointedStructure,
+    curves: Sequence[ModalCurves],
+    modes: Sequence[int],
+    groups: Mapping[str, Sequence[str]] | None = None,
+) -> dict[str, Parameter]:
+    """Parameters of a diagnosis by curves: those of a fit, damping that is given held.
+
+    A mode that the structure's C damps keeps that: were it free it would take the place of a
+    missing dashpot. Without any the curves say it.
+
+    Parameters
+    ----------
+    structure, curves, modes, groups
+        As for :func:`iwanjax.structural_parameters`.
+    """
+    known = structural_parameters(structure, groups, curves, modes)
+    given = viscous_ratios(structure, modes) > 0.0
+    held = [background_name(mode) for mode, own in zip(modes, given, strict=True) if own]
+    return {p.name: p for p in fixed_at(tuple(known.values()), held)}
 
 
 def _checked(

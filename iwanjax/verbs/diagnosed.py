@@ -13,11 +13,11 @@ from iwanjax.discrepancy import Diagnosis, Transient, diagnose
 from iwanjax.discrepancy.companion import Companion
 from iwanjax.discrepancy.diagnose_curves import diagnose_curves
 from iwanjax.discrepancy.diagnose_loops import diagnose_loops
-from iwanjax.discrepancy.diagnose_modes import diagnose_modes
+from iwanjax.discrepancy.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.errors import InputError
 from iwanjax.signals import ForceLoop, Recording, read_loop
 from iwanjax.updating import modal_parameters
-from iwanjax.updating.structural import joint_parameters, structural_parameters
+from iwanjax.updating.structural import joint_parameters
 from iwanjax.verbs.curves import common_curve
 from iwanjax.verbs.fitted import of_one_quantity
 from iwanjax.verbs.measured import MeasuredMode, measured_modes, recordings_of
@@ -157,7 +157,7 @@ def _by_curves(study: Study, budget: float) -> Diagnosis:
     groups = study.fit.groups or None
     # The modes of a diagnosis come lowest first.
     modes = sorted(curves)
-    known = structural_parameters(structure, groups, [curves[mode] for mode in modes], modes)
+    known = modes_parameters(structure, [curves[mode] for mode in modes], modes, groups)
     return diagnose_modes(
         structure,
         curves,

@@ -11,6 +11,7 @@ import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE, ForceKind
 from iwanjax.discrepancy.cycle import beside
+from iwanjax.discrepancy.diagnose_modes import modes_parameters
 from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import about
 
@@ -45,6 +46,21 @@ def curves():
 @pytest.fixture(scope="module")
 def told(curves):
     return {name: verdict(each) for name, each in curves.items()}
+
+
+def test_damping_that_the_structure_is_given_is_held(curves):
+    """Free in each mode, it would take the place of a missing dashpot or viscoelastic link."""
+    modes = sorted(curves["none"])
+    first = [curves["none"][mode][0] for mode in modes]
+    given = modes_parameters(structure(), first, modes)
+    undamped = ij.JointedStructure(
+        ij.LinearStructure(chain.M, None, chain.K), {"J1": (chain.ROWS["J1"], ij.Iwan4(**GUESS))}
+    )
+    own = modes_parameters(undamped, first, modes)
+    for mode in modes:
+        assert given[f"mode{mode}.zeta_0"].fixed
+        assert not own[f"mode{mode}.zeta_0"].fixed
+    assert not given["J1.F_S"].fixed
 
 
 def test_nothing_is_found_where_nothing_is_missing(told):
