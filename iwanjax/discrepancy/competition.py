@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.evidence import evidence, left_by_noise, shares
+from iwanjax.discrepancy.evidence import evidence, left_by_noise
 from iwanjax.discrepancy.fitting import SHORT, Fitted, alike, fit_all
 from iwanjax.discrepancy.joint_faults import (
     like_a_joint,
@@ -19,7 +19,7 @@ from iwanjax.discrepancy.long_memory import appearing
 from iwanjax.discrepancy.macroslip import in_the_middle
 from iwanjax.discrepancy.pairs import doubled
 from iwanjax.discrepancy.probing import probed
-from iwanjax.discrepancy.ranking import LEAST_GAIN, doubted, finalists, missing, ranked
+from iwanjax.discrepancy.ranking import doubted, finalists, missing, ranked
 from iwanjax.discrepancy.residuals import glance
 from iwanjax.discrepancy.rounds import (
     LEAST_PROMISE,
@@ -93,20 +93,6 @@ class Table(NamedTuple):
     def best(self) -> Entry:
         """The model to go on with."""
         return self.entries[0] if self.detected else self.nominal
-
-    @property
-    def probability_of_nothing(self) -> float:
-        """Among everything, and before the data as much likelier as it takes to be found."""
-        return float(shares(self._behind)[0])
-
-    def probability(self, entry: Entry) -> float:
-        """Of one, among everything."""
-        return float(shares(self._behind)[1 + self.entries.index(entry)])
-
-    @property
-    def _behind(self) -> np.ndarray:
-        nothing = self.nominal.behind + LEAST_GAIN
-        return np.array([nothing, *(entry.behind for entry in self.entries)])
 
 
 def run(search: Search, grounds: Grounds, seed: int) -> Table:

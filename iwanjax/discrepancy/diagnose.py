@@ -10,13 +10,13 @@ import numpy as np
 
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
-from iwanjax.discrepancy.evidence import untried
 from iwanjax.discrepancy.held_out import Free, joined
-from iwanjax.discrepancy.measured import Transient, common_noise
+from iwanjax.discrepancy.judgement import Misfit, judged
+from iwanjax.discrepancy.measured import MODEL_ERROR, Transient, common_noise
 from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Quantity, predictor
-from iwanjax.discrepancy.ranking import containing
+from iwanjax.discrepancy.ranking import LEAST_GAIN, containing
 from iwanjax.discrepancy.resolution import Resolution
 from iwanjax.discrepancy.restoring import restoring_force
 from iwanjax.discrepancy.rounds import Grounds
@@ -149,16 +149,21 @@ def diagnose(
     progress("predicting the held-out recordings")
     before = sides.free(table.nominal, replaced=table.detected)
     after = sides.free(table.best) if table.detected else before
-    fitted = after[0]
-    unknown = untried(fitted.relative / fitted.floor)
-    what = _suspects(table, 1.0 - unknown) if table.detected else []
+    verdict = judged(
+        table.nominal.behind + LEAST_GAIN,
+        [entry.behind for entry in table.entries],
+        _misfit(before),
+        _misfit(after),
+    )
+    what = _suspects(table, verdict.named) if table.detected and verdict.detected else []
+    after = after if what else before
     differing: tuple[Observable, ...] = ()
     restoring = None
-    if table.detected and grounds.in_time():
+    if verdict.detected and grounds.in_time():
         progress("recovering the force and the modes' differences")
         differing = observables(search, _joined(before), sampling_rate)
         own = [entry for entry in table.entries if entry.search is search]
-        if own and own[0] is table.best:
+        if what and own and own[0] is table.best:
             others = [entry.fitted for entry in own[1:]]
             restoring = restoring_force(search, followed(search), own[0].fitted, 0, others)
     warnings = [*sides.fitted.warnings, *sides.warnings()]
@@ -167,19 +172,17 @@ def diagnose(
         for name in rows
         if name not in moving
     ]
-    if table.detected and not _better(before, after):
+    if what and not _better(before, after):
         warnings.append(
             "What was added does not predict the held-out recordings better: take it as a hint"
         )
-    warnings += _left(fitted, table.detected, unknown)
+    warnings += _left(after[0], bool(what), verdict.something_else)
     warnings += _unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what, _ALIKE) if what else ()
-    if table.detected:
+    if what:
         indistinguishable += containing(table.best, table.entries)
     return Diagnosis(
-        detected=table.detected,
-        probability_nothing_missing=(1.0 - unknown) * table.probability_of_nothing,
-        probability_something_else=unknown,
+        verdict=verdict,
         what=tuple(what),
         before=Errors(*(_relative(x) for x in before)),
         after=Errors(*(_relative(x) for x in after)),
@@ -196,6 +199,16 @@ def diagnose(
         complete=grounds.in_time(),
         seconds=time.perf_counter() - started,
     )
+
+
+def _misfit(run: tuple[Free, Free | None]) -> Misfit:
+    """Errors over what noise, an error that a right model may have, and open parameters leave."""
+    fitted, held_out = run
+    of_fit = fitted.relative / math.hypot(fitted.floor, MODEL_ERROR)
+    if held_out is None:
+        return Misfit(of_fit, math.nan)
+    foreseen = math.hypot(held_out.floor_95, _DEVIATIONS * held_out.spread, MODEL_ERROR)
+    return Misfit(of_fit, held_out.relative / foreseen)
 
 
 def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
@@ -256,13 +269,13 @@ def _joined(runs: tuple[Free, Free | None]) -> Free:
     return joined([run for run in runs if run is not None])
 
 
-def _suspects(table: competition.Table, tried: float) -> list[Suspect]:
+def _suspects(table: competition.Table, probabilities: Sequence[float]) -> list[Suspect]:
     """One row for every suspect of the best entry, then those of its rivals.
 
-    ``tried`` is the probability that the truth is among them.
+    Each with the probability of its entry.
     """
     rows = []
-    for entry in table.entries:
+    for entry, probability in zip(table.entries, probabilities, strict=True):
         labels = [
             f"{kind.name}@{where}"
             for kind, where in zip(
@@ -276,7 +289,7 @@ def _suspects(table: competition.Table, tried: float) -> list[Suspect]:
                 Suspect(
                     kind,
                     where,
-                    tried * table.probability(entry),
+                    probability,
                     entry.behind,
                     estimates(entry.search, entry.fitted, slot),
                     tuple(label for label in labels if label != labels[slot]),

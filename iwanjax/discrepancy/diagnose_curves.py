@@ -13,9 +13,10 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.backbone import CurveFit, fit_alone, fit_beside
 from iwanjax.discrepancy.catalogue import ForceKind, ModeKind, kinds_of
 from iwanjax.discrepancy.companion import Companion, CoupledFit, fit_coupled
+from iwanjax.discrepancy.concluding import concluded
 from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.observables import clear_differences
-from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of, tried
+from iwanjax.discrepancy.one_joint import Standing, estimates_of, tried
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.discrepancy.verdict import Diagnosis

@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
+from iwanjax.discrepancy.concluding import concluded
 from iwanjax.discrepancy.loop_run import LoopRun
 from iwanjax.discrepancy.loops import Driven, LoopFit, driven, loops_alone, loops_beside, noise_of
-from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of, tried
+from iwanjax.discrepancy.one_joint import Standing, estimates_of, tried
 from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint

@@ -8,9 +8,10 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
+from iwanjax.discrepancy.concluding import concluded
 from iwanjax.discrepancy.curve_run import CurveRun, ModesRun
 from iwanjax.discrepancy.observables import clear_differences
-from iwanjax.discrepancy.one_joint import Standing, concluded, estimates_of
+from iwanjax.discrepancy.one_joint import Standing, estimates_of
 from iwanjax.discrepancy.structural_curves import (
     STARTS,
     Looked,

@@ -18,6 +18,8 @@ _LEAST_TEMPERATURE = 0.3
 # over 52 outcomes of the 48 concealed cases of development, 7 of them wrong: as likely wrong as
 # right where the residual is 1.6 times the noise.
 _AS_LIKELY, _POWER = 0.6, 1.8
+AS_LIKELY_WRONG = 1.0 + _AS_LIKELY
+"""Error over the noise's at which a model is as likely wrong as right."""
 
 
 class Evidence(NamedTuple):
@@ -41,6 +43,13 @@ class Evidence(NamedTuple):
         """Evidence that the whole residual of a fit stands for."""
         return fitted.cost / (2.0 * self.temperature * self.tau)
 
+    def at(self, search: Search, fits: Sequence[Fitted], temperature: float) -> "Evidence":
+        """The same fits at another temperature."""
+        costs, known = zip(*((each.cost, unknowns(each)) for each in fits), strict=True)
+        count = values_measured(search)
+        values = log_evidence(costs, known, count, temperature, self.tau)
+        return Evidence(values, temperature, self.tau)
+
 
 def evidence(search: Search, fits: Sequence[Fitted]) -> Evidence:
     """Of fits with the same memory, all at the temperature and correlation of the best."""
@@ -48,8 +57,7 @@ def evidence(search: Search, fits: Sequence[Fitted]) -> Evidence:
     count = values_measured(search)
     temperature = max(_LEAST_TEMPERATURE, float(best.misfit.sum()) / count)
     tau = correlation_time(best.residual)
-    costs, known = zip(*((each.cost, unknowns(each)) for each in fits), strict=True)
-    return Evidence(log_evidence(costs, known, count, temperature, tau), temperature, tau)
+    return Evidence(np.zeros(0), temperature, tau).at(search, fits, temperature)
 
 
 def log_evidence(
@@ -126,10 +134,13 @@ def untried(ratio: float) -> float:
     Parameters
     ----------
     ratio : float
-        Free-run error over recordings that were fitted, over that of a perfect model.
+        Free-run error over recordings, over that of a right model; NaN, which doubts nothing,
+        without recordings.
     """
+    if math.isnan(ratio):
+        return 0.0
     odds = (max(ratio - 1.0, 0.0) / _AS_LIKELY) ** _POWER
-    return odds / (1.0 + odds)
+    return 1.0 / (1.0 + 1.0 / odds) if odds > 0.0 else 0.0
 
 
 def shares(values: np.ndarray) -> np.ndarray:

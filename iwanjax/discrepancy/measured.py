@@ -30,8 +30,8 @@ _ENOUGH, _SPOILT = 20, 8
 # Largest over smallest variance of a sensor's noise, beyond which its recordings differ: with five
 # of 20 samples each one in a hundred does by chance (Hartley's test).
 _OTHER_NOISE = 4.6
-# Share of a channel's root mean square that a model may be off by and still be right.
-_MODEL_ERROR = 0.002
+MODEL_ERROR = 0.002
+"""Share of a channel's root mean square that a model may be off by and still be right."""
 # Share of a force's peak that its samples may be off by while it acts.
 _FORCE_ERROR = 0.01
 # Parts of a step between samples that a force is followed in.
@@ -170,7 +170,7 @@ def prepared(
             push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))))
             warnings += _odd(each, force)
         rms = np.sqrt(np.mean(response**2, axis=0))
-        deviation = np.sqrt(noise**2 + (_MODEL_ERROR * rms) ** 2)
+        deviation = np.sqrt(noise**2 + (MODEL_ERROR * rms) ** 2)
         weight = 1.0 / (OF_NOISE * np.sqrt(deviation**2 + felt**2))
         weight[:HALF] = weight[-HALF:] = 0.0
         rows.append(

@@ -1,7 +1,7 @@
-"""Verdicts on one joint: a force beside it, by evidence, and how much better predictions get."""
+"""Forces beside one joint, fitted and ordered by evidence."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import jax.numpy as jnp
@@ -9,19 +9,12 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.discrepancy.catalogue import ForceKind, ModeKind
-from iwanjax.discrepancy.evidence import log_evidence, shares, untried
-from iwanjax.discrepancy.observables import Observable
+from iwanjax.discrepancy.evidence import log_evidence
 from iwanjax.discrepancy.ranking import LEAST_GAIN
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import Estimate
-from iwanjax.discrepancy.verdict import Diagnosis, Errors, Run, Score, Suspect, alike
+from iwanjax.discrepancy.verdict import Suspect
 
-# Evidences closer than this cannot be told apart.
-_ALIKE = 3.0
-# Error over the noise's from which on something is left unexplained.
-_UNEXPLAINED = 1.25
-# Error of held-out recordings over their deviations that uncertain parameters may account for.
-_UNFORESEEN = 2.0
 # Shapes tried, how far they go beyond those of the catalogue, how often the best is bracketed, and
 # how often a parabola then says where the best of all is.
 _SHAPES, _BEYOND, _BRACKETS, _PARABOLAS = 8, 4.0, 2, 2
@@ -270,16 +263,22 @@ class Standing(NamedTuple, Generic[Fit]):
     ----------
     alone : Fit
         The joint on its own.
+    nothing : float
+        Its log evidence, and how much likelier it is before the data.
     entries : tuple of Entry
-        It and what may act beside it, the best first.
+        What may act beside it, the best first.
     """
 
     alone: Fit
+    nothing: float
     entries: tuple[Entry[Fit], ...]
 
     @classmethod
     def of(cls, alone: Fit, found: Sequence[Fit]) -> "Standing[Fit]":
         """By evidence, the best of every kind at a place only.
+
+        Rivals are told apart by what the best of them leaves; that nothing is missing is held
+        against the deviations as they are stated: a poor fit asks for no more evidence.
 
         Parameters
         ----------
@@ -297,144 +296,42 @@ class Standing(NamedTuple, Generic[Fit]):
         first = best_of(fits)
         temperature, tau = max(1.0, first.cost / alone.count), first.correlation()
         costs, unknowns = zip(*((each.cost, each.unknowns) for each in fits), strict=True)
-        values = log_evidence(costs, unknowns, alone.count, temperature, tau)
-        values[0] += INDULGENCE * alone.cost / (2.0 * temperature * tau)
-        entries = [Entry(fit, float(value)) for fit, value in zip(fits, values, strict=True)]
-        # Of those that are alike to rounding the one that was tried first, the simplest, leads.
-        return cls(alone, tuple(sorted(entries, key=lambda each: -round(each.value, 1))))
+
+        def values(temperature: float) -> np.ndarray:
+            known = log_evidence(costs, unknowns, alone.count, temperature, tau)
+            known[0] += INDULGENCE * alone.cost / (2.0 * temperature * tau)
+            return known
+
+        strict, own = values(1.0), values(temperature)[1:]
+        gain = float(strict[1:].max() - strict[0]) if own.size else 0.0
+        nothing = (float(own.max()) if own.size else 0.0) - gain + LEAST_GAIN
+        entries = [Entry(fit, float(v)) for fit, v in zip(best.values(), own, strict=True)]
+        # Of those that are alike to rounding the one that was tried first, the simplest, leads:
+        # the others are as good, not better.
+        entries.sort(key=lambda each: -round(each.value, 1))
+        ordered = np.minimum.accumulate([each.value for each in entries]).tolist()
+        led = (each._replace(value=v) for each, v in zip(entries, ordered, strict=True))
+        return cls(alone, nothing, tuple(led))
 
     @property
     def detected(self) -> bool:
-        """Whether something is missing."""
-        nothing = next(each.value for each in self.entries if each.fit is self.alone)
-        return self.entries[0].value - nothing > LEAST_GAIN
+        """Whether the first is likelier than nothing."""
+        return bool(self.entries) and self.entries[0].value > self.nothing
 
     @property
     def chosen(self) -> Fit:
         """The model to go on with."""
         return self.entries[0].fit if self.detected else self.alone
 
-    def probabilities(self) -> dict[int, float]:
-        """Of each fit, by its identity; the joint alone is as much likelier before the data."""
-        odds = [each.value + LEAST_GAIN * (each.fit is self.alone) for each in self.entries]
-        ids = [id(each.fit) for each in self.entries]
-        return dict(zip(ids, shares(np.array(odds)).tolist(), strict=True))
-
     def suspects(
-        self, where: str, known: float, estimates: Callable[[Fit], tuple[Estimate, ...]]
+        self,
+        where: str,
+        probabilities: Sequence[float],
+        estimates: Callable[[Fit], tuple[Estimate, ...]],
     ) -> Iterator[Suspect]:
-        """What may act beside the joint, with its share of what is known."""
-        odds = self.probabilities()
-        for each in self.entries:
-            if each.fit.force is not None:
-                force, behind = each.fit.force, each.value - self.entries[0].value
-                share = known * odds[id(each.fit)]
-                place = force.where or where
-                yield Suspect(force.kind, place, share, behind, estimates(each.fit))
-
-
-def concluded(
-    standing: Standing[Fit],
-    where: str,
-    runs: tuple[Run, Run],
-    fitted: int,
-    estimates: Callable[[Fit], tuple[Estimate, ...]],
-    *,
-    observables: tuple[Observable, ...],
-    scores: tuple[Score, ...] = (),
-    expected: Mapping[str, float] | None = None,
-    warnings: Sequence[str],
-    complete: bool,
-    seconds: float,
-) -> Diagnosis:
-    """The verdict.
-
-    Parameters
-    ----------
-    standing : Standing
-        Fits by evidence.
-    where : str
-        What the verdict calls the joint, where forces have no place of their own.
-    runs : (Run, Run)
-        Predictions before and after, the recordings that were fitted first.
-    fitted : int
-        How many these are.
-    estimates : function
-        Size and shape of a fit's force.
-    observables : tuple of Observable
-        Where the model before is clearly off.
-    scores : tuple of Score
-        What forces would explain at a glance, where that was looked at.
-    expected : mapping of str to float, optional
-        Errors that are no surprise, by recording: the noise's, unless the model's form is known
-        to be off as well.
-    warnings : sequence of str
-        What is odd beside the errors themselves.
-    complete : bool
-        Whether there was time for everything.
-    seconds : float
-        What it took.
-    """
-    before, after = (_errors(run.by_recording(), fitted) for run in runs)
-    floor = _errors(runs[1].floors(), fitted)
-    foreseen = floor if expected is None else _errors(expected, fitted)
-    unforeseen = after.hold_out / foreseen.hold_out / _UNFORESEEN
-    detected = standing.detected
-    unknown = untried(np.nanmax([after.fit / foreseen.fit, unforeseen]))
-    what = tuple(standing.suspects(where, 1.0 - unknown, estimates)) if detected else ()
-    nothing = standing.probabilities()[id(standing.alone)]
-    return Diagnosis(
-        detected=detected,
-        probability_nothing_missing=(1.0 - unknown) * nothing,
-        probability_something_else=unknown,
-        what=what,
-        before=before,
-        after=after,
-        noise_floor=floor,
-        noise_floor_95=Errors(math.nan, math.nan),
-        parameter_spread=Errors(math.nan, math.nan),
-        indistinguishable=alike(what, _ALIKE) if what else (),
-        observables=observables if detected else (),
-        scores=scores,
-        runs=runs,
-        sampling_rate=math.nan,
-        restoring=None,
-        warnings=(*warnings, *_warnings((before, after), foreseen, unknown, detected)),
-        complete=complete,
-        seconds=seconds,
-    )
-
-
-def _errors(by_recording: Mapping[str, float], fitted: int) -> Errors:
-    """Root mean square over those that were fitted, and over the others."""
-    square = np.square(list(by_recording.values()))
-    parts = (square[:fitted], square[fitted:])
-    return Errors(*(math.sqrt(float(x.mean())) if x.size else math.nan for x in parts))
-
-
-def _warnings(
-    errors: tuple[Errors, Errors], foreseen: Errors, unknown: float, detected: bool
-) -> list[str]:
-    """What to think of the errors that are left."""
-    told, (before, after) = [], errors
-    if math.isnan(before.hold_out):
-        told.append("No recording was held out, so nothing shows that the verdict holds")
-    elif detected and after.hold_out >= before.hold_out:
-        told.append(
-            "What was added does not predict the held-out recordings better: take it as a hint"
-        )
-    ratio = after.fit / foreseen.fit
-    if ratio > _UNEXPLAINED:
-        rest = "also with it" if detected else "and nothing that was tried explains it"
-        told.append(
-            f"The fitted recordings are {ratio:.2g} times their deviations off, {rest} "
-            f"(probability {unknown:.2f} that something else is missing)"
-        )
-    ratio = after.hold_out / foreseen.hold_out
-    if ratio > _UNFORESEEN:
-        told.append(
-            f"The held-out recordings are off by {ratio:.2g} times their deviations: either "
-            "something acts there that those fitted do not show, or the joint was fitted to the "
-            f"wrong end (probability {unknown:.2f} that something else is missing)"
-        )
-    return told
+        """What may act beside the joint, each with its probability."""
+        for each, probability in zip(self.entries, probabilities, strict=True):
+            force, behind = each.fit.force, each.value - self.entries[0].value
+            assert force is not None
+            place = force.where or where
+            yield Suspect(force.kind, place, probability, behind, estimates(each.fit))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from iwanjax.discrepancy.evidence import evidence, scale
+from iwanjax.discrepancy.evidence import Evidence, evidence, scale
 from iwanjax.discrepancy.rounds import INDULGENCE, Entry
 from iwanjax.discrepancy.search import Search
 
@@ -18,6 +18,8 @@ _AS_MUCH = 1.02
 # and how far behind without it they may be to change places there: a longer memory finds errors
 # of the model's own, not other evidence of that size.
 _FINALISTS, _BEST_FITS, _HOPE = 3, 2, 100.0
+# Squared residual over the number of values that noise and the model-error allowance leave.
+_NOISE = 1.0
 # Share of the noise's square that some hundred samples before the triggers leave open.
 _UNSURE = 0.05
 
@@ -42,6 +44,22 @@ def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
         return base, []
     same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
     table = evidence(base.search, [base.fitted, *(e.fitted for e in same)])
+    values = _granted(base, same, table)
+    # Rivals are told apart by what the best of them leaves, its own errors included. That nothing
+    # is missing is held against the noise: a poor fit is no reason to ask for more evidence.
+    noise = table.at(base.search, [base.fitted, *(e.fitted for e in same)], _NOISE)
+    strict = _granted(base, same, noise) if table.temperature > _NOISE else values
+    gain = float(strict[1:].max() - strict[0]) if same else 0.0
+    behind = values[1:] - values[1:].max() + min(gain, 0.0) if same else values[1:]
+    first = [replace(e, behind=float(b)) for e, b in zip(same, behind, strict=True)]
+    floor = min((e.behind for e in first), default=0.0)
+    left = [replace(e, behind=min(e.behind, floor)) for e in entries if e not in same]
+    base = replace(base, behind=min(-gain, 0.0))
+    return base, [*sorted(first, key=lambda e: -e.behind), *left]
+
+
+def _granted(base: Entry, same: Sequence[Entry], table: Evidence) -> np.ndarray:
+    """Log evidences of nothing and of entries, with what either is granted."""
     values = np.array(table.values)
     # For nothing the residual counts a little less: what the model's own errors are worth.
     values[0] += INDULGENCE * table.worth(base.fitted)
@@ -52,11 +70,7 @@ def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
             _parts(o) in simpler and values[j] > values[i] - margin for j, o in enumerate(same, 1)
         ):
             values[i] -= margin
-    behind = values - values.max()
-    first = [replace(e, behind=float(b)) for e, b in zip(same, behind[1:], strict=True)]
-    floor = min((e.behind for e in first), default=0.0)
-    left = [replace(e, behind=min(e.behind, floor)) for e in entries if e not in same]
-    return replace(base, behind=float(behind[0])), [*sorted(first, key=lambda e: -e.behind), *left]
+    return values
 
 
 def doubted(search: Search, entries: Sequence[Entry]) -> list[Entry]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 from iwanjax.discrepancy.catalogue import Kind
+from iwanjax.discrepancy.judgement import Verdict
 from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.restoring import RestoringForce
 from iwanjax.discrepancy.suspicion import Estimate
@@ -92,17 +93,16 @@ class Diagnosis:
 
     Attributes
     ----------
-    detected : bool
-        Whether something is missing.
-    probability_nothing_missing : float
-        By evidence.
-    probability_something_else : float
-        That the truth is not among what was tried, by what the best of it leaves.
+    verdict : Verdict
+        Nothing missing, something missing or undecided, with the probabilities that it rests on.
+        Headline, JSON and report follow from it.
     what : tuple of Suspect
-        By probability; the first is the verdict. Empty when nothing is missing.
+        By probability. The first is what is missing where that has a name; where the verdict is
+        undecided, what was tried with the most success. Empty when nothing is missing, and when
+        nothing that was tried is likelier than that.
     before, after, noise_floor : Errors
-        Free-run errors of the model with its joints refitted, with what was found added, and
-        what sensor and force noise alone leave.
+        Free-run errors of the model with its joints refitted, with the first of ``what`` added,
+        and what sensor and force noise alone leave.
     noise_floor_95 : Errors
         What noise alone exceeds in one case of twenty; NaN for curves.
     parameter_spread : Errors
@@ -128,9 +128,7 @@ class Diagnosis:
         What it took.
     """
 
-    detected: bool
-    probability_nothing_missing: float
-    probability_something_else: float
+    verdict: Verdict
     what: tuple[Suspect, ...]
     before: Errors
     after: Errors
@@ -148,6 +146,21 @@ class Diagnosis:
     seconds: float
 
     @property
+    def detected(self) -> bool:
+        """Whether something is missing, known or not."""
+        return self.verdict.detected
+
+    @property
+    def probability_nothing_missing(self) -> float:
+        """Of the verdict."""
+        return self.verdict.nothing
+
+    @property
+    def probability_something_else(self) -> float:
+        """That the truth is none of what was tried, by what the best of it leaves."""
+        return self.verdict.something_else
+
+    @property
     def by_recording(self) -> Mapping[str, tuple[float, float]]:
         """Relative errors of each recording before and after."""
         before, after = (run.by_recording() for run in self.runs)
@@ -156,14 +169,19 @@ class Diagnosis:
     @property
     def found(self) -> tuple[Suspect, ...]:
         """What is missing: the first suspect and those that act together with it."""
-        if not self.what:
+        if not self.verdict.found:
             return ()
         first = self.what[0]
         return (first, *(each for each in self.what[1:] if each.label in first.joint_with))
 
     def statement(self) -> str:
         """The verdict in plain sentences."""
-        told = [*(self._missing() if self.detected else self._nothing()), *self.warnings]
+        by_name = {
+            "nothing_missing": self._nothing,
+            "something_missing": self._missing,
+            "undecided": self._undecided,
+        }
+        told = [*by_name[self.verdict.name](), *self.warnings]
         if not self.complete:
             told.append("The time given was too short to finish; this is so far.")
         return " ".join(line if line.endswith(".") else f"{line}." for line in told)
@@ -179,6 +197,30 @@ class Diagnosis:
             f"Noise alone would leave {floor:.2g}{self._at_most(held)}.",
             *self._open(),
         ]
+
+    def _undecided(self) -> list[str]:
+        """What is known where neither is likely."""
+        held = self.before.hold_out == self.before.hold_out
+        error, floor, better = (
+            (x.hold_out if held else x.fit) for x in (self.before, self.noise_floor, self.after)
+        )
+        which = "held-out" if held else "fitted"
+        off = (
+            f"with its joints refitted the model is off by {error:.2g} on the {which} recordings, "
+            f"where noise alone would leave {floor:.2g}"
+        )
+        if not self.detected:
+            return [
+                f"Undecided: these recordings do not tell whether anything is missing "
+                f"(probability {self.probability_nothing_missing:.2f} that nothing is); {off}."
+            ]
+        told = [
+            f"Undecided: something is missing, and nothing that was tried explains it "
+            f"(probability {self.probability_something_else:.2f} that it is something else); {off}."
+        ]
+        if self.what:
+            told.append(f"The best of what was tried, {self.what[0].label}, leaves {better:.2g}.")
+        return told
 
     def _at_most(self, held: bool) -> str:
         """What noise seldom exceeds, where that is much more than it leaves on average."""

@@ -54,7 +54,7 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     set_up(*panels[0])
     at = np.arange(len(names))
     errors.semilogy(at, both[:, 0], "o", color=PALETTE[0], label="joints refitted")
-    if diagnosis.detected:
+    if diagnosis.what:
         errors.semilogy(at, both[:, 1], "s", color=PALETTE[1], label="with what was found")
     usual, high = diagnosis.runs[1].floors(), diagnosis.runs[1].floors_95()
     low = [usual[name] for name in names]
@@ -115,7 +115,7 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
         ("measured", y, "black"),
         ("joints refitted", y - before.error[i, :, channel], PALETTE[0]),
     ]
-    if diagnosis.detected:
+    if diagnosis.what:
         curves.append(("with what was found", y - after.error[i, :, channel], PALETTE[1]))
     figure, panels = plt.subplots(
         1, 3, figsize=(DOUBLE_COLUMN, 2.3), layout="constrained", width_ratios=(1.2, 1, 1)

@@ -50,7 +50,7 @@ def plot_explained(diagnosis: Diagnosis) -> Figure:
     )
     set_up(*panels.ravel())
     styles = [(before, _BEFORE, "--", "joints alone" if len(before) > 1 else "joint alone")]
-    if diagnosis.detected:
+    if diagnosis.what:
         styles.append((after, _AFTER, "-", "with what was found"))
     for i, label in enumerate(before):
         models = [(runs[label], colour, style) for runs, colour, style, _ in styles]

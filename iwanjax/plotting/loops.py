@@ -58,7 +58,7 @@ def plot_loops(diagnosis: Diagnosis, *, length_unit: str = "m", force_unit: str 
     )
     set_up(*panels.ravel())
     models = [(before, _BEFORE, "--", "joint alone")]
-    if diagnosis.detected:
+    if diagnosis.what:
         models.append((after, _AFTER, "-", "with what was found"))
     for (top, bottom), i in zip(panels.T, shown, strict=True):
         measured = before.measured[i]

@@ -7,6 +7,7 @@ from typing import Any
 
 from iwanjax.config import Study
 from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun, ModesRun
+from iwanjax.discrepancy.judgement import together
 from iwanjax.plotting import (
     plot_diagnosis,
     plot_explained,
@@ -52,21 +53,22 @@ def told(study: str, verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
     parts = list(each.values())
     suspects = [suspect for part in parts for suspect in part["what"]]
 
-    def together(errors: str) -> dict[str, float]:
+    def mean(errors: str) -> dict[str, float]:
         rows = [part["fit"][errors] for part in parts]
         return {
             use: math.sqrt(sum(row[use] ** 2 for row in rows) / len(rows))
             for use in ("fit", "hold_out")
         }
 
+    whole = together([verdict.verdict for verdict in verdicts.values()])
     return first | {
-        "detected": any(part["detected"] for part in parts),
-        "probability_nothing_missing": math.prod(p["probability_nothing_missing"] for p in parts),
-        "probability_something_else": 1.0
-        - math.prod(1.0 - part["probability_something_else"] for part in parts),
+        "verdict": whole.name,
+        "detected": whole.detected,
+        "probability_nothing_missing": whole.nothing,
+        "probability_something_else": whole.something_else,
         "what": sorted(suspects, key=lambda suspect: -suspect["probability"]),
         "observables": [each for part in parts for each in part["observables"]],
-        "fit": {errors: together(errors) for errors in ("before", "after", "noise_floor")},
+        "fit": {errors: mean(errors) for errors in ("before", "after", "noise_floor")},
         "indistinguishable": [pair for part in parts for pair in part["indistinguishable"]],
         "warnings": [line for part in parts for line in part["warnings"]],
         "complete": all(part["complete"] for part in parts),
@@ -83,6 +85,7 @@ def _told(verdict: Diagnosis) -> dict[str, Any]:
         return {"fit": errors[0], "hold_out": errors[1]}
 
     return {
+        "verdict": verdict.verdict.name,
         "detected": verdict.detected,
         "probability_nothing_missing": verdict.probability_nothing_missing,
         "probability_something_else": verdict.probability_something_else,
@@ -138,7 +141,7 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
     drawn = [
         (
             "Errors of every recording"
-            + (", and how far the rivals are behind." if verdict.detected else "."),
+            + (", and how far the rivals are behind." if verdict.what else "."),
             "diagnosis",
             plot_diagnosis(verdict),
         )
@@ -176,7 +179,7 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
 def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> Section:
     """What a verdict rests on: its pictures and its tables."""
     static = isinstance(verdict.runs[0], CurveRun | LoopRun | ModesRun)
-    models = ("Joints refitted", "With the first suspect")[: 1 + verdict.detected]
+    models = ("Joints refitted", "With the first suspect")[: 1 + bool(verdict.what)]
     recordings = Table(
         ("Recording", *models),
         tuple(

@@ -92,6 +92,19 @@ def test_the_verdict_comes_with_its_pictures_and_differences(told):
     assert verdict["observables"][0]["mode"] in (0, 1)
 
 
+def test_a_misfit_that_nothing_explains_is_never_called_nothing(told):
+    """A slider is concealed, and no time is left to look for it."""
+    verdict, _, out = told(FRICTION, "--budget", "1")
+    before, floor = (verdict["fit"][name]["hold_out"] for name in ("before", "noise_floor"))
+    assert before > 5.0 * floor
+    assert verdict["detected"]
+    assert verdict["verdict"] == "undecided"
+    assert verdict["probability_nothing_missing"] < 0.01
+    assert verdict["probability_something_else"] > 0.5
+    assert verdict["statement"].startswith("Undecided")
+    assert "Nothing is missing" not in (out / "report.html").read_text()
+
+
 @pytest.mark.parametrize("name", [NOTHING, FRICTION])
 def test_what_the_parameters_leave_open_is_less_than_the_noise_where_they_were_fitted(told, name):
     fit = told(name)[0]["fit"]

@@ -99,6 +99,16 @@ def test_a_cubic_spring_is_found_and_predicts_what_was_held_out(told):
     assert {each.quantity for each in found.observables} == {"frequency", "damping"}
 
 
+def test_what_nothing_that_was_tried_explains_leaves_the_verdict_undecided(told):
+    curves = told["cubic_stiffness"].runs[0].measured
+    found = ij.diagnose_curves("iwan4", curves[:3], curves[3:], hypotheses=("stiffness_error",))
+    assert found.before.hold_out > 10.0 * found.noise_floor.hold_out
+    assert found.detected
+    assert found.verdict.name == "undecided"
+    assert found.probability_nothing_missing < 0.1
+    assert found.statement().startswith("Undecided")
+
+
 @pytest.mark.parametrize(("times", "said"), [(0.5, False), (3.0, True)])
 def test_parameters_that_leave_much_open_are_said(told, times, said):
     for found in told.values():

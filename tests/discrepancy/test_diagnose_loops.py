@@ -95,6 +95,19 @@ def test_a_slider_beside_it_is_found_with_its_slip():
     assert shape.value == pytest.approx(0.1 * PHI, rel=0.1)
 
 
+def test_what_nothing_that_was_tried_explains_leaves_the_verdict_undecided():
+    several = loops("cubic_stiffness")
+    tried = ("stiffness_error", "bilinear_stiffness")
+    told = ij.diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=tried)
+    assert told.before.hold_out > 3.0 * told.noise_floor.hold_out
+    assert told.detected
+    assert told.verdict.name == "undecided"
+    assert told.probability_nothing_missing < 0.1
+    assert told.probability_something_else > 0.5
+    assert told.statement().startswith("Undecided")
+    assert "Nothing is missing" not in told.statement()
+
+
 def test_which_forces_loops_without_time_show():
     d = np.asarray(driven(loops("none"), (1.0, 1.0, 1.0), 2, True).d)
     slow = {

@@ -1,0 +1,219 @@
+"""Which verdict evidences and misfits allow: one rule for structures, modes, curves and loops."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from iwanjax.discrepancy.evidence import AS_LIKELY_WRONG, shares, untried
+from iwanjax.errors import InputError
+
+VerdictName = Literal["nothing_missing", "something_missing", "undecided"]
+
+# A verdict holds more than half of the probability; rounding of sums of probabilities.
+_HALF, _ROUNDING = 0.5, 1e-9
+
+
+class Misfit(NamedTuple):
+    """Errors of a model over what noise, and what a right model may be off by, leave.
+
+    Attributes
+    ----------
+    fit, hold_out : float
+        1 for a model that is right; infinite for one that diverges, NaN without recordings.
+    """
+
+    fit: float
+    hold_out: float
+
+    @property
+    def largest(self) -> float:
+        """Of the recordings that there are."""
+        return max((each for each in self if not math.isnan(each)), default=0.0)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One of three verdicts, and the probabilities that it rests on.
+
+    Attributes
+    ----------
+    name : {"nothing_missing", "something_missing", "undecided"}
+        The verdict.
+    detected : bool
+        Whether something is missing, known or not: ``something_missing``, or ``undecided`` with a
+        misfit well above the noise.
+    nothing, something_else : float
+        Probabilities that nothing is missing, and that the truth is none of what was tried.
+    named : tuple of float
+        Probabilities of what was tried, the largest first. All of them add up to one.
+    misfit : float
+        Error of the model without any of it over what a right model leaves.
+
+    Raises
+    ------
+    InputError
+        For a state that contradicts itself.
+    """
+
+    name: VerdictName
+    detected: bool
+    nothing: float
+    something_else: float
+    named: tuple[float, ...]
+    misfit: float
+
+    def __post_init__(self) -> None:
+        """Refuse what contradicts itself."""
+        every = (self.nothing, self.something_else, *self.named)
+        if not all(-_ROUNDING <= each <= 1.0 + _ROUNDING for each in every):
+            raise InputError(f"verdict: probabilities {every}; expected 0 to 1")
+        if abs(sum(every) - 1.0) > len(every) * _ROUNDING:
+            raise InputError(f"verdict: probabilities add up to {sum(every)}; expected 1")
+        if any(a < b - _ROUNDING for a, b in zip(self.named, self.named[1:], strict=False)):
+            raise InputError(f"verdict: {self.named} is not in order; expected the largest first")
+        if self.name != _named(self.nothing, self.named):
+            raise InputError(
+                f"verdict: {self.name} with probabilities {self.nothing:.3g} of nothing and "
+                f"{sum(self.named):.3g} of what was tried; expected "
+                f"{_named(self.nothing, self.named)}"
+            )
+        if self.detected != _detected(self.name, self.misfit):
+            raise InputError(
+                f"verdict: detected is {self.detected} for {self.name} and a misfit of "
+                f"{self.misfit:.3g} times the noise"
+            )
+        if self.name == "nothing_missing" and self.misfit > AS_LIKELY_WRONG:
+            raise InputError(f"verdict: nothing missing, {self.misfit:.3g} times the noise off")
+
+    @property
+    def found(self) -> bool:
+        """Whether what is missing has a name."""
+        return self.name == "something_missing"
+
+
+def judged(
+    nothing: float, candidates: Sequence[float], before: Misfit, after: Misfit | None = None
+) -> Verdict:
+    r"""The verdict of evidences and misfits.
+
+    With :math:`s_i` the shares that evidence alone gives to nothing (0) and to each candidate,
+
+    .. math:: P_0 = (1 - u_0)\, s_0, \quad P_i = (1 - u_1)\, s_i, \quad
+              P_{else} = 1 - P_0 - \textstyle\sum P_i .
+
+    Evidence compares what was tried; :math:`u` says that the truth is none of it. Nothing is
+    refuted by its own misfit alone (:func:`~iwanjax.discrepancy.evidence.untried`), whatever its
+    rivals do. Of what was tried :math:`u_1` is at most the share of the misfit, root mean square
+    beyond the noise, that it leaves: real recordings hold more than any model, and a correction
+    that takes nine tenths of a large misfit is one, though the rest is well above the noise. Each
+    is the larger one of fitted and held-out recordings.
+
+    The verdict is *nothing missing* or *something missing* where that has more than half of the
+    probability (the latter also where the first candidate is likelier than nothing), else
+    *undecided*.
+
+    Parameters
+    ----------
+    nothing : float
+        Log evidence that nothing is missing, and how much likelier it is before the data.
+    candidates : sequence of float
+        Log evidences of what may be missing, the largest first.
+    before : Misfit
+        Of the model without any of them.
+    after : Misfit, optional
+        Of the model with the first; as before where that is not known.
+
+    Returns
+    -------
+    Verdict
+    """
+    odds = shares(np.array([nothing, *candidates]))
+    refuted = max(map(untried, before))
+    doubt = max(map(_unexplained, before, before if after is None else after))
+    p_nothing = (1.0 - refuted) * float(odds[0])
+    named = tuple(((1.0 - doubt) * odds[1:]).tolist())
+    name = _named(p_nothing, named)
+    return Verdict(
+        name,
+        _detected(name, before.largest),
+        p_nothing,
+        max(0.0, 1.0 - p_nothing - sum(named)),
+        named,
+        before.largest,
+    )
+
+
+class Whole(NamedTuple):
+    """The verdict on several parts: modes, joints.
+
+    Attributes
+    ----------
+    name : {"nothing_missing", "something_missing", "undecided"}
+        Something is missing where it is from any part; nothing where it is from none, and that
+        is likelier than not of all of them together.
+    detected : bool
+        Of any part.
+    nothing : float
+        Probability that nothing is missing from any part.
+    something_else : float
+        That what was found is not what is missing; where nothing was found, that something is
+        missing from any part that was not tried.
+    """
+
+    name: VerdictName
+    detected: bool
+    nothing: float
+    something_else: float
+
+
+def together(parts: Sequence[Verdict]) -> Whole:
+    """Verdicts on independent parts as one."""
+    nothing, found = math.prod(each.nothing for each in parts), [x for x in parts if x.found]
+    detected = any(each.detected for each in parts)
+    if found:
+        return Whole("something_missing", True, nothing, min(x.something_else for x in found))
+    unknown = 1.0 - math.prod(1.0 - each.something_else for each in parts)
+    name = "nothing_missing" if nothing > _HALF and not detected else "undecided"
+    return Whole(name, detected, nothing, unknown)
+
+
+def worse(before: float, after: float, floor: float) -> bool:
+    """Whether a correction predicts held-out recordings worse than the model without it.
+
+    One that predicts them to within their noise does not, whatever chance makes of the rest; one
+    that diverges always does.
+
+    Parameters
+    ----------
+    before, after : float
+        Relative errors without and with it; NaN without recordings.
+    floor : float
+        What noise alone exceeds in one case of twenty.
+    """
+    if math.isnan(before):
+        return False
+    return not after <= max(before, floor)
+
+
+def _named(nothing: float, named: Sequence[float]) -> VerdictName:
+    if nothing > _HALF:
+        return "nothing_missing"
+    if named and sum(named) > _HALF and named[0] >= nothing:
+        return "something_missing"
+    return "undecided"
+
+
+def _detected(name: VerdictName, misfit: float) -> bool:
+    return name == "something_missing" or (name == "undecided" and misfit > AS_LIKELY_WRONG)
+
+
+def _unexplained(before: float, after: float) -> float:
+    """Probability that a correction is not the truth, by what it leaves."""
+    excess = [max(each**2 - 1.0, 0.0) for each in (before, after)]
+    if math.isnan(after) or excess[1] == 0.0:
+        return 0.0
+    left = math.sqrt(excess[1] / excess[0]) if excess[0] > 0.0 else math.inf
+    return min(untried(after), 1.0 if math.isnan(left) else left)
