@@ -2,14 +2,15 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
-from iwanjax.discrepancy.judgement import Misfit, judged
+from iwanjax.discrepancy.judgement import Misfit, judged, worse
 from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.one_joint import Fit, Standing
 from iwanjax.discrepancy.suspicion import Estimate
-from iwanjax.discrepancy.verdict import Diagnosis, Errors, Run, Score, alike
+from iwanjax.discrepancy.verdict import Diagnosis, Errors, Refused, Run, Score, alike
 
 # Evidences closer than this cannot be told apart.
 _ALIKE = 3.0
@@ -18,18 +19,20 @@ _UNEXPLAINED = 1.25
 # Error of held-out recordings over their deviations that uncertain parameters may account for.
 _UNFORESEEN = 2.0
 
+AnyRun = TypeVar("AnyRun", bound=Run)
+
 
 def concluded(
     standing: Standing[Fit],
     where: str,
-    runs: tuple[Run, Run],
+    runs: Callable[[Fit], tuple[AnyRun, AnyRun]],
     fitted: int,
     estimates: Callable[[Fit], tuple[Estimate, ...]],
     *,
-    observables: tuple[Observable, ...],
+    observables: Callable[[AnyRun], tuple[Observable, ...]] = lambda before: (),
     scores: tuple[Score, ...] = (),
-    expected: Mapping[str, float] | None = None,
-    warnings: Sequence[str],
+    expected: Callable[[Fit, AnyRun], Mapping[str, float]] | None = None,
+    warnings: Callable[[Fit], Sequence[str]],
     complete: bool,
     seconds: float,
 ) -> Diagnosis:
@@ -41,29 +44,40 @@ def concluded(
         Fits by evidence.
     where : str
         What the verdict calls the joint, where forces have no place of their own.
-    runs : (Run, Run)
-        Predictions before and after, the recordings that were fitted first.
+    runs : function
+        Of a fit: predictions without and with it, the recordings that were fitted first.
     fitted : int
         How many these are.
     estimates : function
         Size and shape of a fit's force.
-    observables : tuple of Observable
-        Where the model before is clearly off.
+    observables : function
+        Of the prediction before: where it is clearly off.
     scores : tuple of Score
         What forces would explain at a glance, where that was looked at.
-    expected : mapping of str to float, optional
-        Errors that are no surprise, by recording: the noise's, unless the model's form is known
-        to be off as well.
-    warnings : sequence of str
-        What is odd beside the errors themselves.
+    expected : function, optional
+        Of a fit and its prediction: errors that are no surprise, by recording; the noise's, unless
+        the model's form is known to be off as well.
+    warnings : function
+        Of the fit that is chosen: what is odd beside the errors themselves.
     complete : bool
         Whether there was time for everything.
     seconds : float
         What it took.
     """
-    before, after = (_errors(run.by_recording(), fitted) for run in runs)
-    floor = _errors(runs[1].floors(), fitted)
-    foreseen = floor if expected is None else _errors(expected, fitted)
+    refused: list[Refused] = []
+    while True:
+        chosen = standing.chosen
+        both = runs(chosen)
+        before, after = (_errors(run.by_recording(), fitted) for run in both)
+        floor = _errors(both[1].floors(), fitted)
+        if not (standing.detected and worse(before.hold_out, after.hold_out, floor.hold_out)):
+            break
+        # The next best by fitted recordings; those held out only refuse.
+        others = standing.entries[1:]
+        (suspect, *_) = standing.suspects(where, [0.0] * len(standing.entries), estimates)
+        refused.append(Refused(suspect.label, before.hold_out, after.hold_out))
+        standing = Standing.of(standing.alone, [each.fit for each in others])
+    foreseen = floor if expected is None else _errors(expected(chosen, both[1]), fitted)
     verdict = judged(
         standing.nothing,
         [each.value for each in standing.entries],
@@ -72,23 +86,26 @@ def concluded(
     )
     listed = verdict.detected and standing.detected
     what = tuple(standing.suspects(where, verdict.named, estimates)) if listed else ()
+    if not listed:
+        after, both = before, (both[0], both[0])
     return Diagnosis(
         verdict=verdict,
         what=what,
         before=before,
-        after=after if listed else before,
+        after=after,
         noise_floor=floor,
         noise_floor_95=Errors(math.nan, math.nan),
         parameter_spread=Errors(math.nan, math.nan),
+        refused=tuple(refused),
         indistinguishable=alike(what, _ALIKE) if what else (),
-        observables=observables if verdict.detected else (),
+        observables=observables(both[0]) if verdict.detected else (),
         scores=scores,
-        runs=runs if listed else (runs[0], runs[0]),
+        runs=both,
         sampling_rate=math.nan,
         restoring=None,
         warnings=(
-            *warnings,
-            *_warnings((before, after), foreseen, verdict.something_else, bool(what)),
+            *warnings(chosen),
+            *_warnings(after, foreseen, verdict.something_else, bool(what)),
         ),
         complete=complete,
         seconds=seconds,
@@ -102,22 +119,17 @@ def _misfit(errors: Errors, foreseen: Errors) -> Misfit:
 
 def _errors(by_recording: Mapping[str, float], fitted: int) -> Errors:
     """Root mean square over those that were fitted, and over the others."""
-    square = np.square(list(by_recording.values()))
+    # A prediction that is no number any more is infinitely far off.
+    square = np.nan_to_num(np.square(list(by_recording.values())), nan=math.inf, posinf=math.inf)
     parts = (square[:fitted], square[fitted:])
     return Errors(*(math.sqrt(float(x.mean())) if x.size else math.nan for x in parts))
 
 
-def _warnings(
-    errors: tuple[Errors, Errors], foreseen: Errors, unknown: float, detected: bool
-) -> list[str]:
+def _warnings(after: Errors, foreseen: Errors, unknown: float, detected: bool) -> list[str]:
     """What to think of the errors that are left."""
-    told, (before, after) = [], errors
-    if math.isnan(before.hold_out):
+    told = []
+    if math.isnan(after.hold_out):
         told.append("No recording was held out, so nothing shows that the verdict holds")
-    elif detected and after.hold_out >= before.hold_out:
-        told.append(
-            "What was added does not predict the held-out recordings better: take it as a hint"
-        )
     ratio = after.fit / foreseen.fit
     if ratio > _UNEXPLAINED:
         rest = "also with it" if detected else "and nothing that was tried explains it"

@@ -10,6 +10,7 @@ import numpy as np
 
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
+from iwanjax.discrepancy.final import compared
 from iwanjax.discrepancy.held_out import Free, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.discrepancy.measured import MODEL_ERROR, Transient, common_noise
@@ -147,8 +148,9 @@ def diagnose(
             now = finer
     sides, search, _ = now
     progress("predicting the held-out recordings")
-    before = sides.free(table.nominal, replaced=table.detected)
-    after = sides.free(table.best) if table.detected else before
+    table, before, after, refused = compared(
+        table, lambda entry, replaced: sides.free(entry, replaced=replaced)
+    )
     verdict = judged(
         table.nominal.behind + LEAST_GAIN,
         [entry.behind for entry in table.entries],
@@ -172,10 +174,6 @@ def diagnose(
         for name in rows
         if name not in moving
     ]
-    if what and not _better(before, after):
-        warnings.append(
-            "What was added does not predict the held-out recordings better: take it as a hint"
-        )
     warnings += _left(after[0], bool(what), verdict.something_else)
     warnings += _unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what, _ALIKE) if what else ()
@@ -189,6 +187,7 @@ def diagnose(
         noise_floor=Errors(*(x.floor if x else math.nan for x in after)),
         noise_floor_95=Errors(*(x.floor_95 if x else math.nan for x in after)),
         parameter_spread=Errors(*(x.spread if x else math.nan for x in after)),
+        refused=refused,
         indistinguishable=tuple(dict.fromkeys(indistinguishable)),
         observables=differing,
         scores=table.scores,
@@ -256,12 +255,6 @@ def _check(recordings: Sequence[Transient], inputs: int, sensors: int) -> None:
 
 def _relative(run: Free | None) -> float:
     return run.relative if run else math.nan
-
-
-def _better(before: tuple[Free, Free | None], after: tuple[Free, Free | None]) -> bool:
-    if before[1] is None or after[1] is None:
-        return True
-    return after[1].relative < before[1].relative
 
 
 def _joined(runs: tuple[Free, Free | None]) -> Free:

@@ -151,20 +151,26 @@ def diagnose_curves(
             together.append(fit)
     passive: list[CurveFit | CoupledFit] = [fit for fit in found if fit not in active]
     standing = Standing[CurveFit | CoupledFit].of(alone, [*passive, *together])
-    # What another mode explains is no scatter of the hits any more.
-    explained = isinstance(standing.chosen, CoupledFit) and own
-    measured = tuple(own) if explained else (*several, *others)
-    allowed = own_doubted if explained else (*doubted, *others_doubted)
-    before, after = (_run(fit, measured, len(several)) for fit in (alone, standing.chosen))
+
+    def seen(fit: CurveFit | CoupledFit) -> tuple[tuple[ModalCurves, ...], tuple[ModalCurves, ...]]:
+        """Curves, and with the oscillator's own error, that a fit is held against."""
+        # What another mode explains is no scatter of the hits any more.
+        if isinstance(fit, CoupledFit) and own:
+            return tuple(own), own_doubted
+        return (*several, *others), (*doubted, *others_doubted)
+
     return concluded(
         standing,
         name,
-        (before, after),
+        lambda fit: (
+            _run(alone, seen(fit)[0], len(several)),
+            _run(fit, seen(fit)[0], len(several)),
+        ),
         len(several),
         lambda fit: _estimates(fit, several[0]),
-        expected=CurveRun.of(allowed, after.predicted, len(several)).floors(),
-        observables=clear_differences(before, mode),
-        warnings=(*_active(active, standing.chosen), *_unseen(name, unseen)),
+        expected=lambda fit, run: CurveRun.of(seen(fit)[1], run.predicted, len(several)).floors(),
+        observables=lambda before: clear_differences(before, mode),
+        warnings=lambda fit: (*_active(active, fit), *_unseen(name, unseen)),
         complete=complete,
         seconds=time.perf_counter() - started,
     )

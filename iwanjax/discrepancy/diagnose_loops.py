@@ -112,18 +112,18 @@ def diagnose_loops(
     )
     standing = Standing.of(alone, found)
     whole = driven(together, deviations, len(several), at_rest, math.inf)
-    runs = tuple(
-        LoopRun(together, _along(fit, whole, together), len(several), deviations)
-        for fit in (alone, standing.chosen)
-    )
+
+    def run(fit: LoopFit) -> LoopRun:
+        return LoopRun(together, _along(fit, whole, together), len(several), deviations)
+
+    before = run(alone)
     return concluded(
         standing,
         name,
-        (runs[0], runs[1]),
+        lambda fit: (before, run(fit)),
         len(several),
         estimates_of,
-        observables=(),
-        warnings=_unseen(name, unseen),
+        warnings=lambda _: _unseen(name, unseen),
         complete=complete,
         seconds=time.perf_counter() - started,
     )

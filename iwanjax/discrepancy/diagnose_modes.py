@@ -149,20 +149,20 @@ def diagnose_modes(
         if math.isfinite(fit.cost):
             found.append(fit)
     standing = Standing.of(alone, found)
-    before, after = (_run(fit, several, others) for fit in (alone, standing.chosen))
+    before = _run(alone, several, others)
     return concluded(
         standing,
         "",
-        (before, after),
+        lambda fit: (before, _run(fit, several, others)),
         len(modes),
         estimates_of,
-        observables=tuple(
+        observables=lambda before: tuple(
             each
             for mode, run in zip(modes, before.modes, strict=True)
             for each in clear_differences(run, mode)
         ),
         scores=_scores(alone, glances),
-        warnings=_unseen(list(dict.fromkeys(unseen))),
+        warnings=lambda _: _unseen(list(dict.fromkeys(unseen))),
         complete=complete,
         seconds=time.perf_counter() - started,
     )

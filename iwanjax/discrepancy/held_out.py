@@ -49,8 +49,8 @@ class Free(NamedTuple):
 
     @property
     def relative(self) -> float:
-        """Root mean square of the error over that of what was measured."""
-        return math.sqrt(float(np.sum(self.error**2) / np.sum(self.measured**2)))
+        """Root mean square of the error over that of what was measured; infinite if it diverges."""
+        return math.sqrt(float(np.sum(_squares(self.error)) / np.sum(self.measured**2)))
 
     @property
     def floor(self) -> float:
@@ -70,7 +70,7 @@ class Free(NamedTuple):
 
     def by_recording(self) -> Mapping[str, float]:
         """Relative errors, one for each recording."""
-        square, whole = (np.sum(x**2, axis=(1, 2)) for x in (self.error, self.measured))
+        square, whole = (_squares(x) for x in (self.error, self.measured))
         return dict(zip(self.names, np.sqrt(square / whole).tolist(), strict=True))
 
     def floors(self) -> Mapping[str, float]:
@@ -84,6 +84,13 @@ class Free(NamedTuple):
     def _by_name(self, square: np.ndarray) -> Mapping[str, float]:
         shares = np.sqrt(square / np.sum(self.measured**2, axis=(1, 2)))
         return dict(zip(self.names, shares.tolist(), strict=True))
+
+
+def _squares(x: np.ndarray) -> np.ndarray:
+    """Sum over each recording; infinite where a prediction has left the numbers."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = np.sum(x**2, axis=(1, 2))
+    return np.where(np.isnan(square), math.inf, square)
 
 
 def _quantile(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -116,7 +123,9 @@ def free_run(
         Recordings, as many to a batch as were fitted, with their places in the study, by which
         a joint's drift is told.
     """
-    parts = [_free(search, fitted, other, each, places) for each, places in batches]
+    # A model that diverges beyond what it was fitted to says so by its error.
+    with np.errstate(over="ignore", invalid="ignore"):
+        parts = [_free(search, fitted, other, each, places) for each, places in batches]
     return joined(parts)
 
 

@@ -1,5 +1,6 @@
 """What a diagnosis says."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
@@ -64,6 +65,22 @@ class Suspect(NamedTuple):
         return f"{self.kind.name}@{self.where}"
 
 
+class Refused(NamedTuple):
+    """What explains the fitted recordings, but predicts those held out worse.
+
+    Attributes
+    ----------
+    label : str
+        kind@where, joined by " + " where several act at once.
+    before, after : float
+        Errors of the held-out recordings without and with it; infinite where it diverges.
+    """
+
+    label: str
+    before: float
+    after: float
+
+
 class Errors(NamedTuple):
     """Root mean square of predicted less measured over that of measured; NaN without data."""
 
@@ -108,6 +125,8 @@ class Diagnosis:
     parameter_spread : Errors
         By how much predictions move within what the fitted recordings leave open of the
         parameters, linearised; NaN for curves.
+    refused : tuple of Refused
+        What was tried and predicts held-out recordings worse than the model without it.
     indistinguishable : tuple of (str, str)
         Pairs kind@where that these data cannot tell apart.
     observables : tuple of Observable
@@ -135,6 +154,7 @@ class Diagnosis:
     noise_floor: Errors
     noise_floor_95: Errors
     parameter_spread: Errors
+    refused: tuple[Refused, ...]
     indistinguishable: tuple[tuple[str, str], ...]
     observables: tuple[Observable, ...] = field(repr=False)
     scores: tuple[Score, ...] = field(repr=False)
@@ -181,7 +201,7 @@ class Diagnosis:
             "something_missing": self._missing,
             "undecided": self._undecided,
         }
-        told = [*by_name[self.verdict.name](), *self.warnings]
+        told = [*by_name[self.verdict.name](), *map(_refusal, self.refused), *self.warnings]
         if not self.complete:
             told.append("The time given was too short to finish; this is so far.")
         return " ".join(line if line.endswith(".") else f"{line}." for line in told)
@@ -263,6 +283,14 @@ class Diagnosis:
             if rivals:
                 told.append(f"These data cannot tell {each.label} from {', '.join(rivals)}.")
         return told
+
+
+def _refusal(each: Refused) -> str:
+    off = f"is {each.after:.2g} off on" if math.isfinite(each.after) else "diverges on"
+    return (
+        f"{each.label} explains the fitted recordings, but {off} the held-out ones, where the "
+        f"model without it is {each.before:.2g} off: it is refused."
+    )
 
 
 def _difference(each: Observable) -> str:

@@ -69,6 +69,7 @@ def told(study: str, verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
         "what": sorted(suspects, key=lambda suspect: -suspect["probability"]),
         "observables": [each for part in parts for each in part["observables"]],
         "fit": {errors: mean(errors) for errors in ("before", "after", "noise_floor")},
+        "refused": [each for part in parts for each in part["refused"]],
         "indistinguishable": [pair for part in parts for pair in part["indistinguishable"]],
         "warnings": [line for part in parts for line in part["warnings"]],
         "complete": all(part["complete"] for part in parts),
@@ -128,6 +129,10 @@ def _told(verdict: Diagnosis) -> dict[str, Any]:
             "noise_floor_95": pair(verdict.noise_floor_95),
             "parameter_spread": pair(verdict.parameter_spread),
         },
+        "refused": [
+            {"what": each.label, "before": each.before, "after": each.after}
+            for each in verdict.refused
+        ],
         "indistinguishable": [list(each) for each in verdict.indistinguishable],
         "warnings": list(verdict.warnings),
         "complete": verdict.complete,

@@ -108,6 +108,26 @@ def test_what_nothing_that_was_tried_explains_leaves_the_verdict_undecided():
     assert "Nothing is missing" not in told.statement()
 
 
+def test_a_correction_that_diverges_beyond_what_was_fitted_is_refused():
+    """What saturates is fitted by a negative cubic spring, of no use at five times the stroke."""
+    random, several = np.random.default_rng(1), []
+    for i, levels in enumerate(((0.05, 0.1), (0.2,), (0.15, 1.0))):
+        d = path(levels)
+        beside = 0.04 * K_T * PHI * np.tanh(d / (0.1 * PHI))
+        force = stretched(d, SLIP, STIFFNESS) + beside + 0.002 * random.standard_normal(d.size)
+        several.append(ij.ForceLoop(d, force, f"loop{i}"))
+    tried = ("cubic_stiffness",)
+    told = ij.diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=tried)
+    assert told.after.hold_out <= told.before.hold_out
+    assert told.what == ()
+    assert told.verdict.name == "undecided"
+    (refused,) = told.refused
+    assert refused.label == "cubic_stiffness@J1"
+    assert refused.after > 5.0 * refused.before
+    assert "falls" not in told.statement()
+    assert "refused" in told.statement()
+
+
 def test_which_forces_loops_without_time_show():
     d = np.asarray(driven(loops("none"), (1.0, 1.0, 1.0), 2, True).d)
     slow = {

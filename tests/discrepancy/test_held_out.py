@@ -40,6 +40,16 @@ def test_over_several_recordings_it_averages_out():
     assert joined([one, several]).floor_95 < several.floor_95
 
 
+@pytest.mark.parametrize("broken", [np.nan, np.inf, 1e200])
+def test_a_prediction_that_has_left_the_numbers_is_infinitely_far_off(broken):
+    good = run([1.0, 4.0], [0.0, 0.0])
+    error = good.error.copy()
+    error[1, 3] = broken
+    found = good._replace(error=error)
+    assert found.relative == np.inf
+    assert found.by_recording() == {"rec0": 0.0, "rec1": np.inf}
+
+
 @pytest.fixture
 def loosening(monkeypatch):
     """A joint of four parameters whose F_S and K_T drift over recordings 0, 1 and 3 of a study."""

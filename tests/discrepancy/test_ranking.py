@@ -6,7 +6,9 @@ import pytest
 
 from iwanjax.discrepancy.band import OF_NOISE
 from iwanjax.discrepancy.catalogue import ForceKind, Motion, kinds_of
+from iwanjax.discrepancy.competition import Table
 from iwanjax.discrepancy.evidence import covariance, left_by_noise
+from iwanjax.discrepancy.final import compared
 from iwanjax.discrepancy.ranking import containing, doubted, finalists, missing, ranked
 from iwanjax.discrepancy.residuals import correlation_time
 from iwanjax.discrepancy.rounds import MIDDLE, Entry, distinct
@@ -29,6 +31,7 @@ def entry(cost: float, *parts: str, cycles: float = MIDDLE) -> Entry:
         kinds=tuple(KINDS[name] for name, _ in pairs),
         where=tuple(where for _, where in pairs),
         variant=frozenset(parts),
+        label=" + ".join(parts),
         sizes=(bool(pairs),),
         shapes=(False,),
     )
@@ -66,6 +69,17 @@ def test_nothing_is_missing_where_the_models_own_errors_may_be_it(cost, found):
     """6 per cent of the residual are indulged; 10 % of 4000 samples are worth 200."""
     base, (best,) = ranked(entry(1.0), [entry(cost, "mass_error@a")])
     assert missing(base, best) == found
+
+
+def test_a_poor_fit_does_not_raise_the_bar_for_its_own_detection():
+    """A tenth off a residual of 100 times the noise that is correlated over a hundred samples."""
+    slow = np.convolve(WHITE[0, :, 0], np.ones(100) / 10.0, "same")[None, :, None]
+    poor = [entry(cost, *parts) for cost, parts in ((100.0, ()), (88.0, ("mass_error@a",)))]
+    base, best = (
+        replace(e, fitted=SimpleNamespace(**vars(e.fitted) | {"residual": slow})) for e in poor
+    )
+    base, (best,) = ranked(base, [best])
+    assert missing(base, best)
 
 
 def test_a_joint_that_is_hardly_better_than_a_slider_comes_after_it():
@@ -195,3 +209,45 @@ def test_a_limit_is_what_the_force_becomes_at_an_end_of_its_shape(kind, limit):
     assert driven(kind, 0.3) @ wanted < 0.999
     # Rates are central differences here, half a step before the element's own.
     assert max(driven(kind, shape) @ wanted for shape in (1e-3, 1e3)) > 0.999
+
+
+def free(error: float) -> SimpleNamespace:
+    return SimpleNamespace(relative=error, floor_95=0.01)
+
+
+def held_against(*errors: float):
+    """Suspects in order of evidence, by their held-out errors; the first is the nominal model's."""
+    base = entry(9.0)
+    suspects = [entry(1.0 + 0.01 * i, f"mass_error@m{i}") for i in range(len(errors) - 1)]
+    base, entries = ranked(base, suspects)
+    by = dict(zip([(), *(tuple(e.fitted.hypothesis.where) for e in entries)], errors, strict=True))
+    return compared(
+        Table(True, base, tuple(entries), ()),
+        lambda e, _: (free(0.01), free(by[tuple(e.fitted.hypothesis.where)])),
+    )
+
+
+def test_what_predicts_held_out_recordings_better_stays():
+    found = held_against(0.5, 0.1, 0.05)
+    assert found.table.best.fitted.hypothesis.where == ("m0",)
+    assert found.after[1].relative == 0.1
+    assert found.refused == ()
+
+
+@pytest.mark.parametrize("error", [0.53, 28559.0, np.inf])
+def test_what_predicts_them_worse_is_refused_and_the_next_is_compared(error):
+    found = held_against(0.5, error, 0.4)
+    assert found.table.best.fitted.hypothesis.where == ("m1",)
+    assert found.after[1].relative == 0.4
+    assert found.refused == (("mass_error@m0", 0.5, error),)
+
+
+def test_where_all_are_refused_nothing_is_left():
+    found = held_against(0.5, 0.6, 0.7)
+    assert not found.table.detected
+    assert found.after is found.before
+    assert [each.label for each in found.refused] == ["mass_error@m0", "mass_error@m1"]
+
+
+def test_chance_within_the_noise_refuses_nothing():
+    assert held_against(0.0098, 0.0099).refused == ()
