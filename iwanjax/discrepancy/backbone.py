@@ -13,6 +13,7 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.catalogue import ForceKind, Scales
 from iwanjax.discrepancy.cycle import beside, shows
 from iwanjax.discrepancy.one_joint import (
+    Deviations,
     Named,
     best_of,
     deviations_of,
@@ -156,8 +157,8 @@ class CurveFit:
         """Correlation time of the residuals in levels, mean over the curves."""
         return float(np.mean([correlation_time(each[None]) for each in self.residuals()]))
 
-    def deviations(self) -> tuple[float, float]:
-        """Of the force's size and of the logarithm of its shape, linearised; NaN without one."""
+    def deviations(self) -> Deviations:
+        """Of the force's size and shape, linearised; NaN without one."""
         return deviations_of(
             self.force,
             lambda: np.asarray(slopes(self.problem, jnp.asarray(self.theta))),

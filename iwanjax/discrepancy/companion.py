@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.catalogue import ModeKind
-from iwanjax.discrepancy.one_joint import Moved, linearised, to_size, to_variable
+from iwanjax.discrepancy.one_joint import Deviations, Moved, linearised, to_size, to_variable
 from iwanjax.discrepancy.residuals import correlation_time
 from iwanjax.discrepancy.starts import least_cost, slopes
 from iwanjax.joints import AbstractJoint
@@ -226,10 +226,10 @@ class CoupledFit:
         parts = (both[part] for part in problem.measured.slices)
         return float(np.mean([correlation_time(part[None]) for part in parts]))
 
-    def deviations(self) -> tuple[float, float]:
+    def deviations(self) -> Deviations:
         """Of the ratio, linearised; there is no shape."""
         found = linearised(np.asarray(slopes(self.problem, jnp.asarray(self.theta))), self.left)
-        return float(found[-1]), math.nan
+        return Deviations(float(found[-1]), math.nan, float(found[-1]))
 
 
 def fit_coupled(

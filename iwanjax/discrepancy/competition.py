@@ -39,7 +39,7 @@ from iwanjax.discrepancy.rounds import (
 )
 from iwanjax.discrepancy.screen import Candidate
 from iwanjax.discrepancy.search import Search, Start, Variant
-from iwanjax.discrepancy.suspicion import shrunk
+from iwanjax.discrepancy.suspicion import determined, shrunk
 from iwanjax.discrepancy.verdict import Score
 
 # Memories of the observer to polish with, in cycles.
@@ -173,8 +173,11 @@ def concluded(table: Table, search: Search, grounds: Grounds) -> Table:
     base, *entries = _moved([table.nominal, *table.entries], search)
     # From a free run that finer steps have changed there is no way on but the way there.
     memories = _LONG if base.fitted.cycles == MIDDLE else (MIDDLE, *_LONG)
-    close = finalists(base, entries) if table.detected else []
+    entries = _determined(entries)
+    close = finalists(base, entries) if table.detected and entries else []
     base, close = _polished(base, close, entries, memories, grounds)
+    if close and len(known := _determined(close)) < len(close):
+        base, close = ranked(base, known)
     known = {e.fitted.hypothesis.variant for e in close}
     rest = [e for e in entries if e.fitted.hypothesis.variant not in known]
     # What a longer memory does not bear out was an error of the model's own.
@@ -182,6 +185,11 @@ def concluded(table: Table, search: Search, grounds: Grounds) -> Table:
     close = [replace(e, fitted=in_the_middle(e.search, e.fitted)) for e in close]
     base = replace(base, fitted=in_the_middle(base.search, base.fitted))
     return Table(detected, base, (*close, *_behind_all(close, rest)), table.scores)
+
+
+def _determined(entries: Sequence[Entry]) -> list[Entry]:
+    """Entries but those whose size is not determined: they are no suspects."""
+    return [e for e in entries if determined(e.search, e.fitted)]
 
 
 def _moved(entries: Sequence[Entry], search: Search) -> list[Entry]:

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.catalogue import ForceKind, Motion, Scales
 from iwanjax.discrepancy.one_joint import (
+    Deviations,
     Named,
     best_of,
     deviations_of,
@@ -190,8 +191,8 @@ class LoopFit:
         used = [row[w > 0][None, :, None] for row, w in zip(off, weight, strict=True) if w.any()]
         return float(np.mean([correlation_time(row - row.mean()) for row in used]))
 
-    def deviations(self) -> tuple[float, float]:
-        """Of the force's size and of the logarithm of its shape, linearised; NaN without one."""
+    def deviations(self) -> Deviations:
+        """Of the force's size and shape, linearised; NaN without one."""
         theta = jnp.asarray(self.theta)
         return deviations_of(
             self.force,

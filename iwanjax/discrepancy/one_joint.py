@@ -12,7 +12,7 @@ from iwanjax.discrepancy.catalogue import ForceKind, ModeKind
 from iwanjax.discrepancy.evidence import log_evidence
 from iwanjax.discrepancy.ranking import LEAST_GAIN
 from iwanjax.discrepancy.rounds import INDULGENCE
-from iwanjax.discrepancy.suspicion import Estimate
+from iwanjax.discrepancy.suspicion import SURE, Estimate
 from iwanjax.discrepancy.verdict import Suspect
 
 # Shapes tried, how far they go beyond those of the catalogue, how often the best is bracketed, and
@@ -40,6 +40,25 @@ class Moved(NamedTuple):
     where: str = ""
 
 
+class Deviations(NamedTuple):
+    """Standard deviations of a force's size and shape; NaN without one.
+
+    Attributes
+    ----------
+    size : float
+        Of the size.
+    log_shape : float
+        Of the logarithm of the shape.
+    at_shape : float
+        Of the size, were the shape known: whether there is a force at all. A slider that slips
+        from the first has a force, though neither its stiffness nor its slip is known.
+    """
+
+    size: float
+    log_shape: float
+    at_shape: float
+
+
 class Explained(Protocol):
     """Measurements of one joint, explained by it and at most one force."""
 
@@ -58,8 +77,8 @@ class Explained(Protocol):
         """Sum of squared residuals over their deviations."""
         ...
 
-    def deviations(self) -> tuple[float, float]:
-        """Of the force's size and of the logarithm of its shape."""
+    def deviations(self) -> "Deviations":
+        """Of the force's size and shape."""
         ...
 
     @property
@@ -117,8 +136,8 @@ def deviations_of(
     slopes: Callable[[], np.ndarray],
     reshaped: Callable[[float], np.ndarray],
     cost: float,
-) -> tuple[float, float]:
-    """Of a force's size and of the logarithm of its shape; NaN without one.
+) -> Deviations:
+    """Of a force's size and shape; NaN without one.
 
     Parameters
     ----------
@@ -132,25 +151,31 @@ def deviations_of(
         Sum of the residuals' squares.
     """
     if force is None:
-        return math.nan, math.nan
+        return Deviations(math.nan, math.nan, math.nan)
     found = slopes()
     size = found.shape[1] - 1
+    alone = float(linearised(found, cost)[size])
     if force.kind.shape is None:
-        return float(linearised(found, cost)[size]), math.nan
+        return Deviations(alone, math.nan, alone)
     up, down = (reshaped(math.exp(step)) for step in (_RESHAPED, -_RESHAPED))
     std = linearised(np.column_stack([found, (up - down) / (2.0 * _RESHAPED)]), cost)
-    return float(std[size]), float(std[size + 1])
+    return Deviations(float(std[size]), float(std[size + 1]), alone)
 
 
 def estimates_of(fit: Explained) -> tuple[Estimate, ...]:
     """Size and shape of a fit's force, with their deviations."""
     assert fit.force is not None
     kind, shape, _ = fit.force
-    std, std_shape = fit.deviations()
+    std, std_shape, _ = fit.deviations()
     size = Estimate(kind.size, float(fit.theta[-1]), std)
     if kind.shape is None:
         return (size,)
     return size, Estimate(kind.shape, shape, shape * std_shape)
+
+
+def determined(fit: Explained) -> bool:
+    """Whether a force's size is known to be other than zero, by two deviations."""
+    return abs(float(fit.theta[-1])) > SURE * fit.deviations().at_shape
 
 
 class Tried(NamedTuple, Generic[Fit]):
@@ -277,7 +302,8 @@ class Standing(NamedTuple, Generic[Fit]):
     def of(cls, alone: Fit, found: Sequence[Fit]) -> "Standing[Fit]":
         """By evidence, the best of every kind at a place only.
 
-        Rivals are told apart by what the best of them leaves; that nothing is missing is held
+        A force whose size is not determined is none, where one would be the verdict. Rivals are
+        told apart by what the best of them leaves; that nothing is missing is held
         against the deviations as they are stated: a poor fit asks for no more evidence.
 
         Parameters
@@ -310,6 +336,10 @@ class Standing(NamedTuple, Generic[Fit]):
         # the others are as good, not better.
         entries.sort(key=lambda each: -round(each.value, 1))
         ordered = np.minimum.accumulate([each.value for each in entries]).tolist()
+        if entries and ordered[0] > nothing:
+            known = [each.fit for each in entries if determined(each.fit)]
+            if len(known) < len(entries):
+                return cls.of(alone, known)
         led = (each._replace(value=v) for each, v in zip(entries, ordered, strict=True))
         return cls(alone, nothing, tuple(led))
 

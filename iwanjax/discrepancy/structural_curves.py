@@ -16,6 +16,7 @@ from iwanjax.discrepancy.catalogue import ForceKind, Scales
 from iwanjax.discrepancy.cycle import beside
 from iwanjax.discrepancy.force_at_place import WithForceAt
 from iwanjax.discrepancy.one_joint import (
+    Deviations,
     Named,
     best_of,
     deviations_of,
@@ -88,8 +89,8 @@ class ModesFit:
         """Correlation time of the residuals in levels, mean over the curves."""
         return float(np.mean([correlation_time(each[None]) for each in self.residuals()]))
 
-    def deviations(self) -> tuple[float, float]:
-        """Of the force's size and of the logarithm of its shape, linearised; NaN without one."""
+    def deviations(self) -> Deviations:
+        """Of the force's size and shape, linearised; NaN without one."""
 
         def reshaped(factor: float) -> np.ndarray:
             assert self.force is not None

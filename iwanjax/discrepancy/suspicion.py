@@ -19,6 +19,8 @@ from iwanjax.discrepancy.sensitivity import Joint, joints_of, located
 from iwanjax.discrepancy.suspects import Suspects
 from iwanjax.joints import Iwan4, Iwan5, ParameterInfo
 
+SURE = 2.0
+"""Deviations from none at all that a size has to be known by: one in twenty is not, by chance."""
 _CHAIN = ("gain", "delay", "limit")
 # Prior deviations of theta and of a whole joint, as multiples of a given joint's.
 _LOOSE_THETA, _LOOSE_JOINT = 3.0, (4.0, 8.0, 1.5, 2.0)
@@ -266,6 +268,51 @@ def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]
     if isinstance(kind, ForceKind) and kind.shape is not None:
         found += (Estimate(kind.shape, shape, of_shape),)
     return found
+
+
+def determined(search: Search, fitted: Fitted) -> bool:
+    """Whether the sizes of all suspects of a fit are known to be other than none.
+
+    A free decay has no absolute scale, so that a sensor's gain is anything: what gains by it are
+    the joints. The size counts as if the shape were known: a slider that slips from the first has
+    a force, though neither its stiffness nor its slip is known.
+
+    Parameters
+    ----------
+    search : Search
+        That it was fitted with.
+    fitted : Fitted
+        The model.
+    """
+    known = covariance(search, fitted)
+    return bool(np.all(np.isfinite(known))) and all(
+        _determined(search, fitted, slot, known) for slot in range(len(fitted.hypothesis.kinds))
+    )
+
+
+def _determined(search: Search, fitted: Fitted, slot: int, known: np.ndarray) -> bool:
+    hypothesis, kind = fitted.hypothesis, fitted.hypothesis.kinds[slot]
+    if isinstance(kind, JointKind):
+        if kind.name == "joint_drift":
+            places = rates(search, hypothesis)
+            change = fitted.x[places]
+            square = change @ np.linalg.pinv(known[np.ix_(places, places)]) @ change
+            return bool(square > SURE**2)
+        # Of friction the share that is lost, of a joint its strength or its stiffness.
+        found = estimates(search, fitted, slot)
+        off = [1.0 - each.value if kind.name == "stiction" else each.value for each in found[:2]]
+        return any(x > SURE * each.std for x, each in zip(off, found, strict=False))
+    own = free_values(search, hypothesis)
+    at = search.parameters + 2 * slot
+    places = [own.index(value) for value in (at, at + 1) if value in own]
+    if not places:
+        return True
+    precision = np.linalg.pinv(known[np.ix_(places, places)])[0, 0]
+    deviation = 1.0 / math.sqrt(max(float(precision), 1e-300))
+    logarithmic = at not in own or bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
+    # A logarithm is known by so many deviations of the size itself, which the limit of a sensor is.
+    size = 1.0 if logarithmic else abs(float(fitted.theta.mean(axis=0)[at]))
+    return bool(size > SURE * deviation)
 
 
 def _of_joint(
