@@ -8,9 +8,12 @@ import numpy as np
 
 from iwanjax.discrepancy.judgement import Misfit, judged, worse
 from iwanjax.discrepancy.observables import Observable
-from iwanjax.discrepancy.one_joint import Fit, Standing
+from iwanjax.discrepancy.one_joint import Explained, Fit, Standing, linearised
+from iwanjax.discrepancy.refitted import Refitted
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.discrepancy.verdict import Diagnosis, Errors, Refused, Run, Score, alike
+from iwanjax.joints import ParameterInfo
+from iwanjax.updating.parameters import Parameter
 
 # Evidences closer than this cannot be told apart.
 _ALIKE = 3.0
@@ -29,6 +32,7 @@ def concluded(
     fitted: int,
     estimates: Callable[[Fit], tuple[Estimate, ...]],
     *,
+    joints: Callable[[Fit], tuple[Refitted, ...]],
     observables: Callable[[AnyRun], tuple[Observable, ...]] = lambda before: (),
     scores: tuple[Score, ...] = (),
     expected: Callable[[Fit, AnyRun], Mapping[str, float]] | None = None,
@@ -50,6 +54,8 @@ def concluded(
         How many these are.
     estimates : function
         Size and shape of a fit's force.
+    joints : function
+        Of a fit: its joint, refitted.
     observables : function
         Of the prediction before: where it is clearly off.
     scores : tuple of Score
@@ -100,6 +106,7 @@ def concluded(
         indistinguishable=alike(what, _ALIKE) if what else (),
         observables=observables(both[0]) if verdict.detected else (),
         scores=scores,
+        joints=joints(chosen if listed else standing.alone),
         runs=both,
         sampling_rate=math.nan,
         restoring=None,
@@ -110,6 +117,34 @@ def concluded(
         complete=complete,
         seconds=seconds,
     )
+
+
+def parameters_refitted(
+    fit: Explained, slopes: np.ndarray, parameters: Sequence[Parameter], name: str
+) -> tuple[Refitted, ...]:
+    """The parameters of a fit to curves or loops, by the joint that each names.
+
+    Parameters
+    ----------
+    fit : fit
+        With as many parameters first.
+    slopes : (residuals, parameters + 1) array
+        Of the residuals, the last of which is the size of a force, if there is one.
+    parameters : sequence of Parameter
+        What they are.
+    name : str
+        What those are called that name no joint.
+    """
+    free = [i for i, each in enumerate(parameters) if not each.fixed]
+    columns = [*free, len(parameters)] if fit.force is not None else free
+    std = dict(zip(columns, linearised(slopes[:, columns], fit.cost).tolist(), strict=True))
+    found: dict[str, list[Estimate]] = {}
+    for i, each in enumerate(parameters):
+        joint, _, own = each.name.rpartition(".")
+        info = ParameterInfo(own, each.unit, each.meaning)
+        estimate = Estimate(info, float(fit.theta[i]), std.get(i, float("nan")))
+        found.setdefault(joint or name, []).append(estimate)
+    return tuple(Refitted(joint, tuple(rows)) for joint, rows in found.items())
 
 
 def _misfit(errors: Errors, foreseen: Errors) -> Misfit:

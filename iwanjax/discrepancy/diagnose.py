@@ -18,6 +18,7 @@ from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Quantity, predictor
 from iwanjax.discrepancy.ranking import LEAST_GAIN, containing
+from iwanjax.discrepancy.refitted import joints_refitted
 from iwanjax.discrepancy.resolution import Resolution
 from iwanjax.discrepancy.restoring import restoring_force
 from iwanjax.discrepancy.rounds import Grounds
@@ -159,6 +160,7 @@ def diagnose(
     )
     what = _suspects(table, verdict.named) if table.detected and verdict.detected else []
     after = after if what else before
+    shown = table.best if what else table.nominal
     differing: tuple[Observable, ...] = ()
     restoring = None
     if verdict.detected and grounds.in_time():
@@ -191,6 +193,7 @@ def diagnose(
         indistinguishable=tuple(dict.fromkeys(indistinguishable)),
         observables=differing,
         scores=table.scores,
+        joints=joints_refitted(shown.search, shown.fitted, tuple(structure.labels)),
         runs=(_joined(before), _joined(after)),
         sampling_rate=sampling_rate,
         restoring=restoring,

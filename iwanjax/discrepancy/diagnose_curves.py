@@ -13,11 +13,12 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.backbone import CurveFit, fit_alone, fit_beside
 from iwanjax.discrepancy.catalogue import ForceKind, ModeKind, kinds_of
 from iwanjax.discrepancy.companion import Companion, CoupledFit, fit_coupled
-from iwanjax.discrepancy.concluding import concluded
+from iwanjax.discrepancy.concluding import concluded, parameters_refitted
 from iwanjax.discrepancy.curve_run import CurveRun
 from iwanjax.discrepancy.observables import clear_differences
 from iwanjax.discrepancy.one_joint import Standing, estimates_of, tried
 from iwanjax.discrepancy.rounds import INDULGENCE
+from iwanjax.discrepancy.starts import slopes
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.errors import InputError
@@ -169,7 +170,10 @@ def diagnose_curves(
         len(several),
         lambda fit: _estimates(fit, several[0]),
         expected=lambda fit, run: CurveRun.of(seen(fit)[1], run.predicted, len(several)).floors(),
-        observables=lambda before: clear_differences(before, mode),
+        observables=lambda before: clear_differences(before, mode, name),
+        joints=lambda fit: parameters_refitted(
+            fit, np.asarray(slopes(fit.problem, jnp.asarray(fit.theta))), row, name
+        ),
         warnings=lambda fit: (*_active(active, fit), *_unseen(name, unseen)),
         complete=complete,
         seconds=time.perf_counter() - started,

@@ -4,13 +4,15 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 
+import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
-from iwanjax.discrepancy.concluding import concluded
+from iwanjax.discrepancy.concluding import concluded, parameters_refitted
 from iwanjax.discrepancy.loop_run import LoopRun
 from iwanjax.discrepancy.loops import Driven, LoopFit, driven, loops_alone, loops_beside, noise_of
 from iwanjax.discrepancy.one_joint import Standing, estimates_of, tried
+from iwanjax.discrepancy.starts import slopes
 from iwanjax.discrepancy.verdict import Diagnosis
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
@@ -123,6 +125,9 @@ def diagnose_loops(
         lambda fit: (before, run(fit)),
         len(several),
         estimates_of,
+        joints=lambda fit: parameters_refitted(
+            fit, np.asarray(slopes(fit.problem, jnp.asarray(fit.theta))), row, name
+        ),
         warnings=lambda _: _unseen(name, unseen),
         complete=complete,
         seconds=time.perf_counter() - started,

@@ -4,14 +4,16 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 
+import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
-from iwanjax.discrepancy.concluding import concluded
+from iwanjax.discrepancy.concluding import concluded, parameters_refitted
 from iwanjax.discrepancy.curve_run import CurveRun, ModesRun
 from iwanjax.discrepancy.observables import clear_differences
 from iwanjax.discrepancy.one_joint import Standing, estimates_of
+from iwanjax.discrepancy.starts import slopes
 from iwanjax.discrepancy.structural_curves import (
     STARTS,
     Looked,
@@ -158,10 +160,13 @@ def diagnose_modes(
         estimates_of,
         observables=lambda before: tuple(
             each
-            for mode, run in zip(modes, before.modes, strict=True)
-            for each in clear_differences(run, mode)
+            for mode, run, called in zip(modes, before.modes, before.labels, strict=True)
+            for each in clear_differences(run, mode, called)
         ),
         scores=_scores(alone, glances),
+        joints=lambda fit: parameters_refitted(
+            fit, np.asarray(slopes(fit.problem, jnp.asarray(fit.theta))), row, ""
+        ),
         warnings=lambda _: _unseen(list(dict.fromkeys(unseen))),
         complete=complete,
         seconds=time.perf_counter() - started,

@@ -38,6 +38,8 @@ class Observable(NamedTuple):
         Range of the sensor's amplitude that was compared.
     difference_percent : float
         Model less measured over measured, the median over that range.
+    name : str
+        What the mode is called.
     """
 
     recording: str
@@ -45,6 +47,7 @@ class Observable(NamedTuple):
     quantity: str
     amplitude: tuple[float, float]
     difference_percent: float
+    name: str
 
 
 def observables(search: Search, run: Free, sampling_rate: float) -> tuple[Observable, ...]:
@@ -71,7 +74,8 @@ def observables(search: Search, run: Free, sampling_rate: float) -> tuple[Observ
                 for x in (measured, predicted)
             ]
             if both[0] is not None and both[1] is not None:
-                found += _differences(name, number, both[0], both[1])
+                called = f"mode {number} ({frequency[mode]:.4g} Hz)"
+                found += _differences(name, number, called, both[0], both[1])
     return tuple(sorted(found, key=lambda each: -abs(each.difference_percent)))
 
 
@@ -93,7 +97,7 @@ def _curves(
 
 
 def _differences(
-    name: str, mode: int, measured: ModalCurves, predicted: ModalCurves
+    name: str, mode: int, called: str, measured: ModalCurves, predicted: ModalCurves
 ) -> Sequence[Observable]:
     a, b = (np.asarray(x.amplitude) for x in (measured, predicted))
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
@@ -113,11 +117,12 @@ def _differences(
         off = values[1] - values[0]
         if np.median(np.abs(off) / np.hypot(*stds).clip(1e-300)) > _CLEAR:
             percent = 100.0 * float(np.median(off / values[0]))
-            found.append(Observable(name, mode, quantity, (float(low), float(high)), percent))
+            span = (float(low), float(high))
+            found.append(Observable(name, mode, quantity, span, percent, called))
     return found
 
 
-def clear_differences(run: CurveRun, mode: int) -> tuple[Observable, ...]:
+def clear_differences(run: CurveRun, mode: int, called: str) -> tuple[Observable, ...]:
     """Where a model is clearly off the curves of a mode, the largest difference first."""
     found = []
     for name, model, seen in zip(run.names, run.predicted, run.measured, strict=True):
@@ -129,5 +134,5 @@ def clear_differences(run: CurveRun, mode: int) -> tuple[Observable, ...]:
             if clear.mean() > _ENOUGH:
                 span = (float(x[clear].min()), float(x[clear].max()))
                 percent = 100.0 * float(np.median(off[clear] / y[clear]))
-                found.append(Observable(name, mode, quantity, span, percent))
+                found.append(Observable(name, mode, quantity, span, percent, called))
     return tuple(sorted(found, key=lambda each: -abs(each.difference_percent)))

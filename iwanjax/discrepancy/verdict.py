@@ -8,11 +8,15 @@ from typing import NamedTuple, Protocol
 from iwanjax.discrepancy.catalogue import Kind
 from iwanjax.discrepancy.judgement import Verdict
 from iwanjax.discrepancy.observables import Observable
+from iwanjax.discrepancy.refitted import Refitted
 from iwanjax.discrepancy.restoring import RestoringForce
 from iwanjax.discrepancy.suspicion import Estimate
+from iwanjax.discrepancy.wording import noun, sentence, share, sizes
 
-# Differences by mode that a statement begins with.
-_TOLD = 2
+# Probability of something else from which on it is told.
+_TOLD = 0.05
+# Probability below which an explanation is called excluded.
+_EXCLUDED = 1e-3
 # What noise exceeds in one case of twenty over what it leaves, from which on both are told.
 _OFTEN = 1.15
 
@@ -133,6 +137,8 @@ class Diagnosis:
         Where frequency and damping of the model before differ from the measured ones.
     scores : tuple of Score
         Of the screening, the largest drop first.
+    joints : tuple of Refitted
+        Joints, or modes with theirs, as refitted: with the first of ``what``, where there is one.
     runs : tuple of Free, CurveRun, ModesRun or LoopRun
         Predictions before and after, of all recordings: free runs, curves, or loops.
     sampling_rate : float
@@ -158,6 +164,7 @@ class Diagnosis:
     indistinguishable: tuple[tuple[str, str], ...]
     observables: tuple[Observable, ...] = field(repr=False)
     scores: tuple[Score, ...] = field(repr=False)
+    joints: tuple[Refitted, ...] = field(repr=False)
     runs: tuple[Run, Run] = field(repr=False)
     sampling_rate: float
     restoring: RestoringForce | None = field(repr=False)
@@ -194,111 +201,172 @@ class Diagnosis:
         first = self.what[0]
         return (first, *(each for each in self.what[1:] if each.label in first.joint_with))
 
-    def statement(self) -> str:
-        """The verdict in plain sentences."""
+    def told(self) -> "Told":
+        """The verdict in plain sentences, part by part."""
         by_name = {
             "nothing_missing": self._nothing,
             "something_missing": self._missing,
             "undecided": self._undecided,
         }
-        told = [*by_name[self.verdict.name](), *map(_refusal, self.refused), *self.warnings]
-        if not self.complete:
-            told.append("The time given was too short to finish; this is so far.")
-        return " ".join(line if line.endswith(".") else f"{line}." for line in told)
+        parts = (by_name[self.verdict.name](), self._improvement(), self._doubt(), self._next())
+        return Told(*(" ".join(map(_ended, part)) for part in parts))
+
+    def statement(self) -> str:
+        """All of it: the verdict first, then the improvement, the doubt, what to measure next."""
+        return " ".join(filter(None, self.told()))
+
+    @property
+    def _held(self) -> bool:
+        """Whether recordings were held out."""
+        return self.before.hold_out == self.before.hold_out
+
+    @property
+    def _which(self) -> str:
+        return "held-out" if self._held else "fitted"
+
+    def _of(self, errors: Errors) -> float:
+        """The error that tells most: of held-out recordings, where there are some."""
+        return errors.hold_out if self._held else errors.fit
 
     def _nothing(self) -> list[str]:
-        held = self.before.hold_out == self.before.hold_out
-        error, floor = ((x.hold_out if held else x.fit) for x in (self.before, self.noise_floor))
-        which = "held-out" if held else "fitted"
         return [
-            f"Nothing is missing that these recordings show: with its joints refitted the model "
-            f"predicts the {which} ones within {error:.2g} of their root mean square "
-            f"(probability {self.probability_nothing_missing:.2f}).",
-            f"Noise alone would leave {floor:.2g}{self._at_most(held)}.",
-            *self._open(),
-        ]
-
-    def _undecided(self) -> list[str]:
-        """What is known where neither is likely."""
-        held = self.before.hold_out == self.before.hold_out
-        error, floor, better = (
-            (x.hold_out if held else x.fit) for x in (self.before, self.noise_floor, self.after)
-        )
-        which = "held-out" if held else "fitted"
-        off = (
-            f"with its joints refitted the model is off by {error:.2g} on the {which} recordings, "
-            f"where noise alone would leave {floor:.2g}"
-        )
-        if not self.detected:
-            return [
-                f"Undecided: these recordings do not tell whether anything is missing "
-                f"(probability {self.probability_nothing_missing:.2f} that nothing is); {off}."
-            ]
-        told = [
-            f"Undecided: something is missing, and nothing that was tried explains it "
-            f"(probability {self.probability_something_else:.2f} that it is something else); {off}."
-        ]
-        if self.what:
-            told.append(f"The best of what was tried, {self.what[0].label}, leaves {better:.2g}.")
-        return told
-
-    def _at_most(self, held: bool) -> str:
-        """What noise seldom exceeds, where that is much more than it leaves on average."""
-        usual, high = (
-            (x.hold_out if held else x.fit) for x in (self.noise_floor, self.noise_floor_95)
-        )
-        return f" ({high:.2g} in one case of twenty)" if high > _OFTEN * usual else ""
-
-    def _open(self) -> list[str]:
-        """What the parameters leave open of the held-out recordings, where that is much."""
-        spread = self.parameter_spread.hold_out
-        if not spread > self.noise_floor.hold_out:
-            return []
-        return [
-            f"What the fitted recordings leave open of the parameters moves the held-out ones by "
-            f"about {spread:.2g} more"
+            "Nothing is missing that these recordings show "
+            f"(probability {self.probability_nothing_missing:.2f})",
+            f"With its joints refitted the model predicts the {self._which} recordings to "
+            f"{share(self._of(self.before))}; noise alone would leave {self._floor()}",
         ]
 
     def _missing(self) -> list[str]:
-        told = [_difference(each) for each in self.observables[:_TOLD]]
-        for each in self.found:
-            sizes = ", ".join(
-                f"{p.info.name} = {p.value:.4g}" + (f" ± {p.std:.2g}" if p.std == p.std else "")
-                for p in each.parameters
-            )
-            told.append(
-                f"The model lacks {each.kind.usual} at {each.where} ({each.kind.name}"
-                f"{', ' * bool(sizes)}{sizes}; probability {each.probability:.2f}): its sign is "
-                f"{each.kind.signs}."
-            )
-        if self.before.hold_out == self.before.hold_out:
-            told.append(
-                f"Held-out error falls from {self.before.hold_out:.2g} to "
-                f"{self.after.hold_out:.2g}; the noise floor is {self.noise_floor.hold_out:.2g}"
-                f"{self._at_most(held=True)}."
-            )
-            told += self._open()
+        return [
+            f"{sentence(each.kind, each.where)}{': ' * bool(each.parameters)}"
+            f"{sizes(each.parameters)} (probability {each.probability:.2f})"
+            for each in self.found
+        ]
+
+    def _undecided(self) -> list[str]:
+        off = (
+            f"With its joints refitted the model is {share(self._of(self.before))} off on the "
+            f"{self._which} recordings; noise alone would leave {self._floor()}"
+        )
+        if not self.detected:
+            return [
+                "Undecided: these recordings do not tell whether anything is missing "
+                f"(probability {self.probability_nothing_missing:.2f} that nothing is)",
+                off,
+            ]
+        return [
+            "Undecided: something is missing, and nothing that was tried explains it "
+            f"(probability {self.probability_something_else:.2f} that it is something else)",
+            off,
+        ]
+
+    def _floor(self) -> str:
+        """What noise leaves, and what it seldom exceeds, where that is much more."""
+        usual, high = self._of(self.noise_floor), self._of(self.noise_floor_95)
+        often = f", in one case of twenty {share(high)}" if high > _OFTEN * usual else ""
+        return share(usual) + often
+
+    def _improvement(self) -> list[str]:
+        if not self.what:
+            return []
+        after, before = share(self._of(self.after)), share(self._of(self.before))
+        if self.verdict.found:
+            it = "them" if len(self.found) > 1 else "it"
+            return [
+                f"With {it}, {self._which} recordings are predicted to {after} (refitted model "
+                f"alone: {before}; noise floor: {self._floor()})"
+            ]
+        best = noun(self.what[0].kind, self.what[0].where)
+        return [f"The best of what was tried, {best}, leaves {after} of {before}"]
+
+    def _doubt(self) -> list[str]:
+        told = []
         for each in self.found:
             rivals = [b for a, b in self.indistinguishable if a == each.label]
             if rivals:
-                told.append(f"These data cannot tell {each.label} from {', '.join(rivals)}.")
+                told.append(f"These data cannot tell {each.label} from {', '.join(rivals)}")
+        others = [each for each in self.what if each not in self.found]
+        if self.verdict.found and others and not told:
+            next_best = noun(others[0].kind, others[0].where)
+            likely = f"has a probability of {others[0].probability:.2g}"
+            out = others[0].probability < _EXCLUDED
+            told.append(
+                f"The next best explanation, {next_best}, {'is excluded' if out else likely}"
+            )
+        if self.verdict.found and self.probability_something_else > _TOLD:
+            told.append(
+                f"The probability that it is something else is "
+                f"{self.probability_something_else:.2f}"
+            )
+        told += map(_refusal, self.refused)
+        spread = self.parameter_spread.hold_out
+        if spread > self.noise_floor.hold_out:
+            told.append(
+                f"What the fitted recordings leave open of the parameters moves the held-out ones "
+                f"by about {share(spread)} more"
+            )
+        told += self.warnings
+        if not self.complete:
+            told.append("The time given was too short to finish; this is so far")
         return told
+
+    def _next(self) -> list[str]:
+        """What to measure next, by what is open."""
+        if not self.complete:
+            return ["Next: give it more time"]
+        if self.refused:
+            return [
+                "Measure next: recordings to fit that are as hard as those held out; what was "
+                "refused had been fitted at other amplitudes"
+            ]
+        if self.verdict.found and any(a == self.found[0].label for a, _ in self.indistinguishable):
+            return [
+                "Measure next: harder and softer hits than these; explanations that agree at the "
+                "amplitudes measured part beyond them"
+            ]
+        if not self._held:
+            return ["Measure next: a recording to hold out, at an amplitude of its own"]
+        if self.verdict.name == "undecided" and self.detected:
+            where = f", near {self.scores[0].where} first" if self.scores else ""
+            return [
+                "Measure next: more sensors and single modes at several amplitudes"
+                f"{where}, to see which motion the misfit goes with"
+            ]
+        if self.verdict.name == "undecided":
+            return ["Measure next: harder hits, or the same ones with less noise"]
+        return ["Measure next: harder hits; beyond these amplitudes nothing is known"]
+
+
+class Told(NamedTuple):
+    """A diagnosis in plain sentences; empty where there is nothing to say.
+
+    Attributes
+    ----------
+    verdict : str
+        At most three sentences.
+    improvement : str
+        How much better predictions get.
+    doubt : str
+        What speaks against it, and what is odd.
+    next : str
+        What to measure next.
+    """
+
+    verdict: str
+    improvement: str
+    doubt: str
+    next: str
+
+
+def _ended(line: str) -> str:
+    return line if line.endswith(".") else f"{line}."
 
 
 def _refusal(each: Refused) -> str:
-    off = f"is {each.after:.2g} off on" if math.isfinite(each.after) else "diverges on"
+    off = f"is {share(each.after)} off on" if math.isfinite(each.after) else "diverges on"
     return (
         f"{each.label} explains the fitted recordings, but {off} the held-out ones, where the "
-        f"model without it is {each.before:.2g} off: it is refused."
-    )
-
-
-def _difference(each: Observable) -> str:
-    more = "too much" if each.difference_percent > 0 else "too little"
-    low, high = each.amplitude
-    return (
-        f"In {each.recording} mode {each.mode} has {abs(each.difference_percent):.2g} % {more} "
-        f"{each.quantity} in the model, at amplitudes of {low:.2g} to {high:.2g}."
+        f"model without it is {share(each.before)} off: it is refused"
     )
 
 

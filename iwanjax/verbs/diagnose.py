@@ -1,13 +1,14 @@
 """The verb ``diagnose``: what a study's model is missing, by its recordings."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from iwanjax.config import Study
 from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun, ModesRun
 from iwanjax.discrepancy.judgement import together
+from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.plotting import (
     plot_diagnosis,
     plot_explained,
@@ -16,10 +17,13 @@ from iwanjax.plotting import (
     plot_prediction,
     plot_restoring,
 )
-from iwanjax.report.page import Section, Table, render
+from iwanjax.report.page import Named, Section, Table, render
+from iwanjax.report.words import with_deviation
 from iwanjax.verbs.diagnosed import diagnosed
 from iwanjax.verbs.output import file_names, results, save, version, write_json
 
+# Parts of a report's lead after the verdict.
+_PARTS = ("Improvement", "Doubt", "Next")
 # Differences by mode that a report lists.
 _MODES = 12
 
@@ -39,9 +43,19 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
             f"{name}: {verdict.statement()}" if len(verdicts) > 1 else verdict.statement()
             for name, verdict in verdicts.items()
         ]
-        page = render(study.name, lead, sections, f"Written by iwanjax {version()}.")
+        page = render(study.name, _lead(verdicts), sections, f"Written by iwanjax {version()}.")
         (folder / "report.html").write_text(page, encoding="utf-8")
     return [*lead, f"wrote {out / 'report.html'}"]
+
+
+def _lead(verdicts: Mapping[str, Diagnosis]) -> list[str | Named]:
+    """Each verdict first; then how much better predictions get, the doubt, what to do next."""
+    lead: list[str | Named] = []
+    for name, verdict in verdicts.items():
+        first, *others = verdict.told()
+        lead.append(Named(name, first) if len(verdicts) > 1 else first)
+        lead += [Named(title, text) for title, text in zip(_PARTS, others, strict=True) if text]
+    return lead
 
 
 def told(study: str, verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
@@ -67,6 +81,7 @@ def told(study: str, verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
         "probability_nothing_missing": whole.nothing,
         "probability_something_else": whole.something_else,
         "what": sorted(suspects, key=lambda suspect: -suspect["probability"]),
+        "joints": {name: each for part in parts for name, each in part["joints"].items()},
         "observables": [each for part in parts for each in part["observables"]],
         "fit": {errors: mean(errors) for errors in ("before", "after", "noise_floor")},
         "refused": [each for part in parts for each in part["refused"]],
@@ -96,22 +111,17 @@ def _told(verdict: Diagnosis) -> dict[str, Any]:
                 "where": each.where,
                 "probability": each.probability,
                 "log_evidence": each.log_evidence,
-                "parameters": {
-                    p.info.name: {
-                        "value": p.value,
-                        "std": p.std if math.isfinite(p.std) else None,
-                        "unit": p.info.dimension,
-                    }
-                    for p in each.parameters
-                },
+                "parameters": _parameters(each.parameters),
                 "joint_with": list(each.joint_with),
             }
             for each in verdict.what
         ],
+        "joints": {each.name: _parameters(each.parameters) for each in verdict.joints},
         "observables": [
             {
                 "recording": each.recording,
                 "mode": each.mode,
+                "mode_name": each.name,
                 "quantity": each.quantity,
                 "amplitude": list(each.amplitude),
                 "difference_percent": each.difference_percent,
@@ -138,6 +148,18 @@ def _told(verdict: Diagnosis) -> dict[str, Any]:
         "complete": verdict.complete,
         "seconds": verdict.seconds,
         "statement": verdict.statement(),
+    }
+
+
+def _parameters(estimates: Iterable[Estimate]) -> dict[str, Any]:
+    """Values with deviations and units, by name."""
+    return {
+        p.info.name: {
+            "value": p.value,
+            "std": p.std if math.isfinite(p.std) else None,
+            "unit": p.info.dimension,
+        }
+        for p in estimates
     }
 
 
@@ -218,7 +240,7 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
         tuple(
             (
                 each.recording,
-                str(each.mode),
+                each.name,
                 each.quantity,
                 f"{each.amplitude[0]:.3g} to {each.amplitude[1]:.3g}",
                 f"{each.difference_percent:+.2g} %",
@@ -226,9 +248,20 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
             for each in verdict.observables[:_MODES]
         ),
         "Frequency and damping that the model with its joints refitted gets wrong.",
-        words=(0, 2),
+        words=(0, 1, 2),
+    )
+    joints = Table(
+        ("Joint", "Parameter", "Value", "Deviation", "Unit"),
+        tuple(
+            (each.name, p.info.name, *with_deviation(p.value, p.std), p.info.dimension)
+            for each in verdict.joints
+            for p in each.parameters
+        ),
+        "The joints as refitted" + (", with the first suspect." if verdict.what else "."),
+        words=(0, 1, 4),
     )
     tables = [recordings]
-    tables += [rivals] * bool(verdict.what) + [modes] * bool(verdict.observables)
+    tables += [rivals] * bool(verdict.what) + [joints] * bool(verdict.joints)
+    tables += [modes] * bool(verdict.observables)
     title = f"{name}: what it rests on" if static else "What it rests on"
     return Section(title, (), tuple(pictures), tuple(tables))

@@ -83,6 +83,26 @@ def test_the_size_is_the_concealed_one(told):
     assert found["k"]["std"] < 0.03 * k
 
 
+def test_the_verdict_comes_first_in_plain_words_and_the_joints_with_it(told):
+    verdict, truth, out = told(FRICTION)
+    where = truth["where"].replace("-", " and ")
+    assert verdict["statement"].startswith(f"Dry friction is missing between {where}: k = ")
+    assert verdict["statement"].index("With it, held-out") < verdict["statement"].index("Measure")
+    joints = verdict["joints"]
+    assert set(joints) == set(truth["joints"])
+    for name, values in truth["joints"].items():
+        found = joints[name]
+        assert list(found) == ["F_S", "K_T", "chi", "beta"]
+        assert found["K_T"]["value"] == pytest.approx(values[1], rel=0.05)
+        assert 0.0 < found["K_T"]["std"] < 0.05 * values[1]
+    assert all("Hz)" in each["mode_name"] for each in verdict["observables"])
+    page = (out / "report.html").read_text()
+    assert "The joints as refitted" in page
+    lead = page[page.index('class="lead"') : page.index("<section>")]
+    titles = [lead.index(each) for each in ("Dry friction is", "Improvement.", "Next.")]
+    assert titles == sorted(titles)
+
+
 def test_the_verdict_comes_with_its_pictures_and_differences(told):
     verdict, _, out = told(FRICTION)
     for name in ("diagnosis", "prediction", "restoring_force", "places"):

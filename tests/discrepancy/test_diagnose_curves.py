@@ -223,7 +223,7 @@ def test_the_command_says_which_mode_lacks_what(written):
     assert found["fit"]["after"]["hold_out"] < found["fit"]["before"]["hold_out"]
     assert {each["mode"] for each in found["observables"]} == {1}
     assert "Nothing is missing" in result.stdout
-    assert "The model lacks hardening" in result.stdout
+    assert "hardening: A cubic spring is missing at hardening: k3 = " in result.stdout
 
 
 def test_the_command_writes_pictures_and_a_page_of_both(written):
