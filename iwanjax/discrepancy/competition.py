@@ -109,25 +109,37 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
     """
     grounds.progress("refitting the joints")
     nominal = _nominal(search, grounds, seed)
+    if not grounds.in_time():
+        return Table(False, Entry(search, nominal), (), ())
     grounds.progress("screening kinds and places")
     candidates = screened(search, nominal, grounds)
     both = [candidates]
     clear = bool(candidates) and candidates[0].drop > _CLEAR
-    if nominal.cost > _FAR * left_by_noise(search) and not clear:
+    if nominal.cost > _FAR * left_by_noise(search) and not clear and grounds.in_time():
         # Joints that were bent to explain something else are a bad place to look from.
         given = Start(search.nothing(), np.zeros(search.parameters + 2))
         both.append(screened(search, fit_all(search, [given], SHORT, 0)[0], grounds))
+    scores = tuple(
+        Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
+        for c in candidates
+    )
+    if not grounds.in_time():
+        return Table(False, Entry(search, nominal), (), scores)
     grounds.progress("refitting suspects")
     shorts = _first(search, nominal, both, grounds)
     explained = bool(shorts) and shorts[0].fitted.cost < _FAR * left_by_noise(search)
     within = _FAR if explained else RACE
     near = [e for e in shorts[:_SECOND] if e.fitted.cost < within * shorts[0].fitted.cost]
+    if not grounds.in_time():
+        # With a shorter memory than the nominal model's they cannot be held against it.
+        return Table(False, Entry(search, nominal), (), scores)
     entries = again(near, shorts[len(near) :], MIDDLE, grounds)
     if least(nominal, entries).cost > _FAR * left_by_noise(search):
         entries = probed(search, shorts, entries, [c for each in both for c in each], grounds)
     entries = _restarted(search, nominal, entries, grounds, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
-    nominal = _renominated(search, nominal, entries, grounds)
+    if grounds.in_time():
+        nominal = _renominated(search, nominal, entries, grounds)
     base, singles = ranked(Entry(search, nominal), entries)
     found = bool(singles) and missing(base, singles[0])
     if found and singles[0].fitted.cost > MISFIT * left_by_noise(search):
@@ -144,17 +156,13 @@ def run(search: Search, grounds: Grounds, seed: int) -> Table:
         entries = with_joints_left_out(search, nominal, shorts, entries, candidates, grounds)
     entries = with_joint_faults(search, nominal, shorts, entries, grounds)
     base, entries = ranked(base, entries)
-    if entries and _lost(search, base.fitted, entries):
+    if entries and grounds.in_time() and _lost(search, base.fitted, entries):
         # Nothing that was tried explains all: ends that agreed may all have been the wrong one.
         entries = _restarted(search, base.fitted, entries, grounds, seed + 1, everywhere=True)
         base = replace(base, fitted=_renominated(search, base.fitted, entries, grounds))
         base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_limits(search, entries, grounds))
-    scores = tuple(
-        Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
-        for c in candidates
-    )
     return Table(bool(entries) and missing(base, entries[0]), base, tuple(entries), scores)
 
 
@@ -182,8 +190,9 @@ def concluded(table: Table, search: Search, grounds: Grounds) -> Table:
     rest = [e for e in entries if e.fitted.hypothesis.variant not in known]
     # What a longer memory does not bear out was an error of the model's own.
     detected = bool(close) and missing(base, close[0])
-    close = [replace(e, fitted=in_the_middle(e.search, e.fitted)) for e in close]
-    base = replace(base, fitted=in_the_middle(base.search, base.fitted))
+    if grounds.in_time():
+        close = [replace(e, fitted=in_the_middle(e.search, e.fitted)) for e in close]
+        base = replace(base, fitted=in_the_middle(base.search, base.fitted))
     return Table(detected, base, (*close, *_behind_all(close, rest)), table.scores)
 
 
@@ -229,6 +238,8 @@ def _polished(
     """The nominal model and the last few suspects, or what appears only then, in the free run."""
     grounds.progress("polishing to the free run")
     for cycles in memories:
+        if not grounds.in_time():
+            break
         before = base.fitted
         polished = again([base, *close], [], cycles, grounds)
         base = next(e for e in polished if not e.fitted.hypothesis.kinds)
@@ -254,6 +265,8 @@ def _nominal(search: Search, grounds: Grounds, seed: int) -> Fitted:
     if min(each.cost for each in found) > _FAR * left_by_noise(search):
         # Bent to explain something else, one way or the other.
         starts = starts[:1]
+    if not grounds.in_time():
+        return min(found, key=lambda each: each.cost)
     found = fit_all(search, starts, MIDDLE, STEPS, race=RACE, in_time=grounds.in_time)
     best = min(found, key=lambda each: each.cost)
     return settled(search, best, grounds) if best.cost < _FAR * left_by_noise(search) else best

@@ -78,7 +78,8 @@ class Entry:
 
 def screened(search: Search, base: Fitted, grounds: Grounds) -> list[Candidate]:
     """All that may be suspected beside a fit, the most promising first."""
-    return screen(search, base, grounds.kinds, grounds.places, grounds.sensors, grounds.joints)
+    known = (grounds.kinds, grounds.places, grounds.sensors, grounds.joints)
+    return screen(search, base, *known, grounds.in_time)
 
 
 def settled(search: Search, fitted: Fitted, grounds: Grounds) -> Fitted:

@@ -45,6 +45,7 @@ def screen(
     places: Sequence[Place],
     sensors: Sequence[str],
     joints: Sequence[str],
+    in_time: Callable[[], bool] = lambda: True,
 ) -> list[Candidate]:
     r"""Score every kind at every place by what it would take off the residual.
 
@@ -66,11 +67,14 @@ def screen(
         Where forces may act.
     sensors, joints : sequence of str
         Labels.
+    in_time : function
+        False when it is time to stop.
 
     Returns
     -------
     list of Candidate
-        For each kind and place the best shape, the largest drop first.
+        For each kind and place the best shape, the largest drop first; none where there was no
+        time to judge them all.
     """
     p = search.parameters
     z, states = base.theta.mean(axis=0)[:p], base.theta[:, base.values :]
@@ -104,10 +108,14 @@ def screen(
         size = toward / np.where(usable, square, 1.0)
         return size, size * toward / total
 
+    if not in_time():
+        return []
     forces, of_sensors = units(search, base, kinds, places), faults(search, kinds, sensors, z)
-    for unit, size, drop in _judged(search, base, forces, of_sensors, rated):
+    for unit, size, drop in _judged(search, base, forces, of_sensors, rated, in_time):
         if size != 0 and not (unit.kind.positive and size < 0):
             propose(unit.kind, unit.where, drop, partial(unit.sized, size))
+    if not in_time():
+        return []
     ready = _limits(search, base, others, kinds, sensors, z)
     if base.hypothesis.drifting is None:
         ready += _drifts(search, kinds, joints, known, explained, whole, total, z)
@@ -126,12 +134,15 @@ def _judged(
     forces: Sequence[Unit],
     of_sensors: Sequence[Unit],
     rated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    in_time: Callable[[], bool],
 ) -> Iterator[tuple[Unit, float, float]]:
     """All with size and drop: about the motion itself, but for forces that promise little."""
     found = np.zeros((2, len(forces)))
     if len(forces) > _MOVING:
         for which, made in columns_at_rest(search, base, forces):
             found[:, which] = rated(made)
+    if not in_time():
+        return
     best = np.argsort(-found[1], kind="stable")[:_MOVING]
     moving = columns(search, base, [*(forces[i] for i in best), *of_sensors])
     exact = np.array(rated(moving))

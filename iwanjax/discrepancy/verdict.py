@@ -254,6 +254,8 @@ class Diagnosis:
                 f"(probability {self.probability_nothing_missing:.2f} that nothing is)",
                 off,
             ]
+        if not self.complete:
+            return ["Undecided: something is missing, and there was no time to find out what", off]
         return [
             "Undecided: something is missing, and nothing that was tried explains it "
             f"(probability {self.probability_something_else:.2f} that it is something else)",
