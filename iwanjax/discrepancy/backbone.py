@@ -164,6 +164,7 @@ class CurveFit:
             lambda: np.asarray(slopes(self.problem, jnp.asarray(self.theta))),
             lambda factor: np.concatenate(replaced_shape(self, factor).residuals()).T.ravel(),
             self.cost,
+            self.correlation(),
         )
 
 

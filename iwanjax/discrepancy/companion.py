@@ -228,7 +228,9 @@ class CoupledFit:
 
     def deviations(self) -> Deviations:
         """Of the ratio, linearised; there is no shape."""
-        found = linearised(np.asarray(slopes(self.problem, jnp.asarray(self.theta))), self.left)
+        found = linearised(
+            np.asarray(slopes(self.problem, jnp.asarray(self.theta))), self.left, self.correlation()
+        )
         return Deviations(float(found[-1]), math.nan, float(found[-1]))
 
 

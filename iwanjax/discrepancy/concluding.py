@@ -137,7 +137,13 @@ def parameters_refitted(
     """
     free = [i for i, each in enumerate(parameters) if not each.fixed]
     columns = [*free, len(parameters)] if fit.force is not None else free
-    std = dict(zip(columns, linearised(slopes[:, columns], fit.cost).tolist(), strict=True))
+    std = dict(
+        zip(
+            columns,
+            linearised(slopes[:, columns], fit.cost, fit.correlation()).tolist(),
+            strict=True,
+        )
+    )
     found: dict[str, list[Estimate]] = {}
     for i, each in enumerate(parameters):
         joint, _, own = each.name.rpartition(".")

@@ -10,10 +10,12 @@ from iwanjax.discrepancy.band import OF_NOISE
 from iwanjax.discrepancy.catalogue import JointKind
 from iwanjax.discrepancy.fitting import Fitted
 from iwanjax.discrepancy.residuals import correlation_time
-from iwanjax.discrepancy.search import Search
+from iwanjax.discrepancy.search import Search, free_values
 
 # No model is trusted to explain its residual better than this share of the noise's variance.
 _LEAST_TEMPERATURE = 0.3
+UNSURE = 0.05
+"""Share of the noise's square that some hundred samples before the triggers leave open."""
 # Logistic regression of wrong verdicts on the logarithm of what a fit leaves beyond the noise,
 # over 52 outcomes of the 48 concealed cases of development, 7 of them wrong: as likely wrong as
 # right where the residual is 1.6 times the noise.
@@ -69,15 +71,33 @@ def log_evidence(
 
 
 def covariance(search: Search, fitted: Fitted) -> np.ndarray:
-    """Of what was free in a fit, (free, free), by the residual's own size.
+    r"""Of what was free in a fit, (free, free), by the residual's own size.
 
-    Residuals that are correlated over some samples count as so many fewer. NaN where the model
-    broke down.
+    .. math:: C = (J^T J / s + P)^{-1} + \frac{R-1}{R} \sum_r \delta_r \delta_r^T,
+
+    with the prior's precision P. Residuals that are correlated over some samples count as so many
+    fewer. What exceeds the noise is the model's own error: it goes a few ways only (:func:`scale`),
+    less those that the fit has taken up, and it pulls recordings of different amplitude different
+    ways: :math:`\delta_r` is what the values change by when recording r of R is left out (the
+    jackknife, linearised). Where nothing exceeds the noise there is no such term. NaN where the
+    model broke down.
     """
     if not np.all(np.isfinite(fitted.normal)):
         return np.full_like(fitted.normal, np.nan)
-    table = evidence(search, [fitted])
-    return table.temperature * table.tau * np.linalg.pinv(fitted.normal)
+    table, prior = evidence(search, [fitted]), np.diag(fitted.precision)
+    white = table.temperature * table.tau
+    error = float(fitted.misfit.sum()) - (1.0 - UNSURE) * left_by_noise(search)
+    taken = len(free_values(search, fitted.hypothesis))
+    unit = max(white, 1.0 + error / max(1, _ways(search) - taken))
+    found = np.linalg.pinv((fitted.normal - prior) / unit + prior)
+    R = len(fitted.parts)
+    if error <= 0.0 or R < 2:
+        return found
+    weighed = fitted.parts.sum(axis=0) + white * prior
+    left_out = zip(fitted.parts, fitted.scores, strict=True)
+    change = np.stack([np.linalg.pinv(weighed - part) @ score for part, score in left_out])
+    change -= change.mean(axis=0)
+    return found + (R - 1) / R * change.T @ change
 
 
 def values_measured(search: Search) -> int:
@@ -112,8 +132,12 @@ def scale(search: Search, fitted: Fitted, unsure: float = 0.0) -> float:
     """
     table = evidence(search, [fitted])
     error = float(fitted.misfit.sum()) - (1.0 - unsure) * left_by_noise(search)
-    ways = 2 * search.predictor.kept * search.recordings
-    return max(table.temperature * table.tau, 1.0 + error / ways)
+    return max(table.temperature * table.tau, 1.0 + error / _ways(search))
+
+
+def _ways(search: Search) -> int:
+    """In how many an error of the model's own goes: amplitude and phase of modes in recordings."""
+    return 2 * search.predictor.kept * search.recordings
 
 
 def unknowns(fitted: Fitted) -> int:

@@ -36,6 +36,12 @@ class Fitted:
         Their sum and the prior's.
     normal : (free, free) array
         Second derivatives of half the cost.
+    precision : (free,) array
+        The prior's part of its diagonal.
+    parts : (recordings, free, free) array
+        The recordings' parts of it.
+    scores : (recordings, free) array
+        Their parts of its gradient.
     residual : (recordings, N, sensors) array
         Weighted innovations.
     cycles : float
@@ -52,6 +58,9 @@ class Fitted:
     misfit: np.ndarray
     cost: float
     normal: np.ndarray
+    precision: np.ndarray = field(repr=False)
+    parts: np.ndarray = field(repr=False)
+    scores: np.ndarray = field(repr=False)
     residual: np.ndarray = field(repr=False)
     cycles: float
     converged: bool
@@ -212,6 +221,9 @@ def _fitted(lane: Lane, cycles: float) -> Fitted:
         lane.seen.misfit,
         lane.cost,
         lane.normal,
+        lane.layout.precision,
+        lane.parts,
+        lane.scores,
         lane.seen.residual,
         cycles,
         lane.converged,

@@ -149,8 +149,18 @@ class Lane:
     @property
     def _moment(self) -> np.ndarray:
         """Gradient of half the cost."""
-        moment = np.einsum("rik,ri->k", self.layout.T, self.seen.moment)
-        return moment + self.layout.precision * self.x
+        return self.scores.sum(axis=0) + self.layout.precision * self.x
+
+    @property
+    def scores(self) -> np.ndarray:
+        """The recordings' parts of the gradient of half the cost."""
+        return np.einsum("rik,ri->rk", self.layout.T, self.seen.moment)
+
+    @property
+    def parts(self) -> np.ndarray:
+        """The recordings' parts of the second derivatives of half the cost."""
+        T = self.layout.T
+        return np.einsum("rik,rij,rjl->rkl", T, self.seen.normal, T)
 
     @property
     def _squares(self) -> np.ndarray:

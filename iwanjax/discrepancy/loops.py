@@ -199,6 +199,7 @@ class LoopFit:
             lambda: np.asarray(slopes(self.problem, theta)),
             lambda factor: np.asarray(_residuals(self._reshaped(factor), theta)),
             self.cost,
+            self.correlation(),
         )
 
     def _reshaped(self, factor: float) -> JointAndForce:

@@ -110,10 +110,11 @@ def to_variable(size: Array, scale: Array, positive: Array) -> Array:
     return jnp.where(positive > 0, jnp.log(jnp.maximum(jnp.abs(share), 1e-6)), share)
 
 
-def linearised(slopes: np.ndarray, cost: float) -> np.ndarray:
+def linearised(slopes: np.ndarray, cost: float, tau: float) -> np.ndarray:
     """Standard deviations of parameters, NaN where nothing depends on one.
 
-    Times the misfit where that exceeds 1.
+    Times the misfit where that exceeds 1; residuals that are correlated over some values, as all
+    misfit is along a curve, count as so many fewer.
 
     Parameters
     ----------
@@ -121,13 +122,18 @@ def linearised(slopes: np.ndarray, cost: float) -> np.ndarray:
         Of the residuals.
     cost : float
         Sum of their squares.
+    tau : float
+        Correlation time of the residuals, in values.
     """
     sizes = np.linalg.norm(slopes, axis=0)
     used = sizes > 0
     inverse = np.linalg.pinv(slopes[:, used] / sizes[used], rcond=1e-10)
     std = np.full(len(sizes), math.nan)
-    misfit = cost / max(1, len(slopes) - int(used.sum()))
-    std[used] = np.linalg.norm(inverse, axis=1) / sizes[used] * math.sqrt(max(1.0, misfit))
+    # Each parameter takes up one independent residual, and one at least is left.
+    tau = max(1.0, tau)
+    misfit = cost / max(tau, len(slopes) - tau * int(used.sum()))
+    std[used] = np.linalg.norm(inverse, axis=1) / sizes[used]
+    std[used] *= math.sqrt(max(1.0, misfit) * tau)
     return std
 
 
@@ -136,6 +142,7 @@ def deviations_of(
     slopes: Callable[[], np.ndarray],
     reshaped: Callable[[float], np.ndarray],
     cost: float,
+    tau: float,
 ) -> Deviations:
     """Of a force's size and shape; NaN without one.
 
@@ -149,16 +156,18 @@ def deviations_of(
         Residuals with the shape so many times as large.
     cost : float
         Sum of the residuals' squares.
+    tau : float
+        Their correlation time, in values.
     """
     if force is None:
         return Deviations(math.nan, math.nan, math.nan)
     found = slopes()
     size = found.shape[1] - 1
-    alone = float(linearised(found, cost)[size])
+    alone = float(linearised(found, cost, tau)[size])
     if force.kind.shape is None:
         return Deviations(alone, math.nan, alone)
     up, down = (reshaped(math.exp(step)) for step in (_RESHAPED, -_RESHAPED))
-    std = linearised(np.column_stack([found, (up - down) / (2.0 * _RESHAPED)]), cost)
+    std = linearised(np.column_stack([found, (up - down) / (2.0 * _RESHAPED)]), cost, tau)
     return Deviations(float(std[size]), float(std[size + 1]), alone)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from iwanjax.discrepancy.evidence import Evidence, evidence, scale
+from iwanjax.discrepancy.evidence import UNSURE, Evidence, evidence, scale
 from iwanjax.discrepancy.rounds import INDULGENCE, Entry
 from iwanjax.discrepancy.search import Search
 
@@ -20,8 +20,6 @@ _AS_MUCH = 1.02
 _FINALISTS, _BEST_FITS, _HOPE = 3, 2, 100.0
 # Squared residual over the number of values that noise and the model-error allowance leave.
 _NOISE = 1.0
-# Share of the noise's square that some hundred samples before the triggers leave open.
-_UNSURE = 0.05
 
 
 def finalists(base: Entry, entries: Sequence[Entry]) -> list[Entry]:
@@ -80,7 +78,7 @@ def doubted(search: Search, entries: Sequence[Entry]) -> list[Entry]:
     """
     best = entries[0].fitted
     table = evidence(search, [best])
-    share = table.temperature * table.tau / scale(search, best, _UNSURE)
+    share = table.temperature * table.tau / scale(search, best, UNSURE)
     return [replace(e, behind=e.behind * share) for e in entries]
 
 

@@ -105,6 +105,7 @@ class ModesFit:
             lambda: np.asarray(slopes(self.problem, jnp.asarray(self.theta))),
             reshaped,
             self.cost,
+            self.correlation(),
         )
 
     def predicted(self, curve: int, measured: Sequence[ModalCurves]) -> tuple[ModalCurves, ...]:

@@ -20,6 +20,7 @@ SEARCH = SimpleNamespace(
     noise=np.array([np.sqrt(0.9)]),
     predictor=SimpleNamespace(kept=5),
     recordings=2,
+    parameters=4,
 )
 WHITE = np.random.default_rng(5).standard_normal((1, N, 1))
 
@@ -40,6 +41,9 @@ def entry(cost: float, *parts: str, cycles: float = MIDDLE) -> Entry:
         cost=cost * N,
         misfit=np.array([cost * N]),
         residual=np.sqrt(cost) * WHITE,
+        precision=np.zeros(2),
+        parts=np.zeros((2, 2, 2)),
+        scores=np.zeros((2, 2)),
         cycles=cycles,
     )
     return Entry(SEARCH, fitted)
@@ -60,8 +64,37 @@ def test_of_a_model_that_broke_down_no_deviation_is_known(broken):
     known = covariance(SEARCH, SimpleNamespace(**vars(entry(1.0).fitted), normal=normal))
     assert known.shape == (2, 2)
     assert np.all(np.isnan(known))
-    known = covariance(SEARCH, SimpleNamespace(**vars(entry(1.0).fitted), normal=np.eye(2)))
-    np.testing.assert_allclose(known, np.eye(2), rtol=0.1)
+    # Half the number of samples is what noise leaves here.
+    known = covariance(SEARCH, SimpleNamespace(**vars(entry(0.5).fitted), normal=np.eye(2)))
+    np.testing.assert_allclose(known, 0.5 * np.eye(2), rtol=0.1)
+
+
+def misfitting(**changed) -> SimpleNamespace:
+    """Nearly five times the noise's square beyond it, with two values free."""
+    return SimpleNamespace(**vars(entry(5.0).fitted) | {"normal": np.diag([50.0, 2.0])} | changed)
+
+
+def test_deviations_count_an_error_of_the_models_own_as_the_few_ways_it_goes():
+    """2 x 5 x 2 ways less four that the joints have taken up, not N samples."""
+    known = covariance(SEARCH, misfitting(precision=np.array([0.0, 1.0])))
+    error = 5.0 * N - 0.95 * left_by_noise(SEARCH)
+    assert known[0, 0] == pytest.approx((1.0 + error / 16.0) / 50.0)
+    # What recordings leave open the prior closes, however poor the fit.
+    assert known[1, 1] == pytest.approx(1.0, rel=0.01)
+    assert known[1, 1] < 1.0
+
+
+def test_recordings_that_pull_different_ways_widen_the_deviations():
+    """Two recordings, each of which alone wants its own value."""
+    parts, scores = np.stack([np.diag([25.0, 1.0])] * 2), np.array([[75.0, 0.0], [-75.0, 0.0]])
+    agreed = covariance(SEARCH, misfitting())
+    known = covariance(SEARCH, misfitting(parts=parts, scores=scores))
+    # Without one of them the value moves by 75 / 25: half of the sum of its squares.
+    assert known[0, 0] - agreed[0, 0] == pytest.approx(0.5 * 2 * 3.0**2)
+    assert known[1, 1] == pytest.approx(agreed[1, 1])
+    # What fits to the noise has no such error.
+    good = vars(entry(0.5).fitted) | {"normal": np.eye(2), "parts": parts, "scores": scores}
+    assert covariance(SEARCH, SimpleNamespace(**good))[0, 0] < 1.0
 
 
 @pytest.mark.parametrize(("cost", "found"), [(0.90, True), (0.96, False)])

@@ -1,0 +1,29 @@
+"""Deviations of curves' parameters hold where their errors are correlated along a curve."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from iwanjax.discrepancy.one_joint import linearised
+from iwanjax.discrepancy.residuals import correlation_time
+
+LEVELS, DRAWS, SHARE = 60, 300, 0.6
+
+
+@pytest.mark.parametrize("misfit", [1.0, 5.0])
+def test_the_truth_lies_within_two_deviations_of_a_straight_line(misfit):
+    """An error of correlation time 4 levels, ``misfit`` times as large as stated."""
+    random = np.random.default_rng(4)
+    X = np.column_stack([np.ones(LEVELS), np.linspace(-1.0, 1.0, LEVELS)])
+    white = random.standard_normal((DRAWS, 200 + LEVELS))
+    errors = misfit * np.sqrt(1.0 - SHARE**2) * lfilter([1.0], [1.0, -SHARE], white)[:, 200:]
+    within = {"correlated": 0, "white": 0}
+    for e in errors:
+        off = np.linalg.lstsq(X, e, rcond=None)[0]
+        left = e - X @ off
+        tau = correlation_time(left[None, :, None])
+        for name, taken in (("correlated", tau), ("white", 1.0)):
+            within[name] += int(np.sum(np.abs(off) < 2.0 * linearised(X, left @ left, taken)))
+    assert within["correlated"] > 0.85 * 2 * DRAWS
+    # As if each level said something new.
+    assert within["white"] < 0.75 * 2 * DRAWS
