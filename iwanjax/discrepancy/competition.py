@@ -181,13 +181,14 @@ def concluded(table: Table, search: Search, grounds: Grounds) -> Table:
     base, *entries = _moved([table.nominal, *table.entries], search)
     # From a free run that finer steps have changed there is no way on but the way there.
     memories = _LONG if base.fitted.cycles == MIDDLE else (MIDDLE, *_LONG)
-    entries = _determined(entries)
+    # A search that is still on its way may get there.
+    entries = [e for e in entries if determined(e.search, e.fitted) or not e.fitted.converged]
     close = finalists(base, entries) if table.detected and entries else []
     base, close = _polished(base, close, entries, memories, grounds)
-    if close and len(known := _determined(close)) < len(close):
-        base, close = ranked(base, known)
     known = {e.fitted.hypothesis.variant for e in close}
-    rest = [e for e in entries if e.fitted.hypothesis.variant not in known]
+    if len(sure := _determined(close)) < len(close):
+        base, close = ranked(base, sure)
+    rest = [e for e in _determined(entries) if e.fitted.hypothesis.variant not in known]
     # What a longer memory does not bear out was an error of the model's own.
     detected = bool(close) and missing(base, close[0])
     if grounds.in_time():
