@@ -387,7 +387,6 @@ BAD_WITH_FILE = {
     "not a model": ("model.npz", "study.yaml", 3, ["model.file", "'.yaml'", ".npz"]),
     "unknown row": ("row: J1", "row: j1", 5, ["joints[0].row", "'j1'", "did you mean 'J1'"]),
     "options": ("file:", "options: {mass: 1}\n  file:", 3, ["model.options", "builder"]),
-    "no joints": (FILE[FILE.index("  joints") :], "", 2, ["model", "joints"]),
     "name twice": (
         "    - {",
         f"    - {{name: bolt, row: J1, type: iwan4, {IWAN4}}}\n    - {{",

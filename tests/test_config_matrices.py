@@ -87,6 +87,20 @@ def test_names_say_which_matrix_is_which(study_file, tmp_path):
     assert_allclose(study.model.structure.M, chain.M)
 
 
+@pytest.mark.parametrize("joints", ["", "  joints: []\n"])
+def test_matrices_without_joints_are_a_linear_structure(study_file, tmp_path, joints):
+    section = STUDY[STUDY.index("  joints") : STUDY.index("simulate")]
+    path = study_file(STUDY.replace(section, joints))
+    study = load_study(path)
+    assert study.structure.labels == ()
+    expected = np.sort(scipy.linalg.eigh(chain.K, chain.M, eigvals_only=True))
+    assert_allclose(np.asarray(study.structure.modes().omega) ** 2, expected)
+    result = CliRunner().invoke(app, ["simulate", str(path), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    with np.load(tmp_path / "out" / "simulate.npz") as arrays:
+        assert arrays["sine_acceleration"].shape == (9, 2)
+
+
 BAD = {
     "no stiffness": ("    stiffness: job.sti\n", "", 3, ["model.matrices", "stiffness: job.sti"]),
     "unknown key": ("mass:", "masse:", 5, ["matrices.masse: unknown key", "'mass'"]),
@@ -111,12 +125,6 @@ BAD = {
     "empty": ("[0.5, 0.5, 0]", "[]", 10, ["sensors.mean", "0 number(s)"]),
     "input": ("4 UX", "9 UX", 11, ["inputs.hit", "node 9"]),
     "two sources": ("  matrices:\n", "  file: a.npz\n  matrices:\n", 2, ["file and matrices"]),
-    "no joints": (
-        STUDY[STUDY.index("  joints") : STUDY.index("simulate")],
-        "",
-        2,
-        ["model", "holds no joints"],
-    ),
     "coordinate": ("input: 2 ux", "input: 2 uy", 19, ["excitation.input", "'2 uy'", "'2 ux'"]),
 }
 

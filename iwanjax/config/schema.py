@@ -63,8 +63,6 @@ class ModelSection(Section):
             raise fault(f"got {got}; expected one of file, matrices, builder and modal")
         if self.options is not None and self.builder is None:
             raise fault(f"got options for a {given[0]}; only a builder takes options", "options")
-        if (self.file or self.matrices) is not None and not self.joints:
-            raise fault("holds no joints; expected joints: [{name:, row:, type:, parameters:}]")
         if self.modal is not None and self.joints:
             raise fault("got joints beside modal; expected joint: in each entry of modal", "joints")
         return self

@@ -21,8 +21,9 @@ from iwanjax.dynamics.balance import Joints
 from iwanjax.joints import AbstractJoint, Reaction
 from iwanjax.structures.small import solve_general
 
-# Of a deflection: a smaller change of it says nothing of a stiffness.
-_STILL = 1e-6
+# Of a deflection: a smaller change of it says nothing of a stiffness; nor does one whose square,
+# by which a derivative divides, is no number any more (after 1400 silent cycles, say).
+_STILL, _NOTHING = 1e-6, 1e-150
 
 
 def innovations(
@@ -228,7 +229,8 @@ class _Run(NamedTuple):
         slope = (predictor.stiffness - stiffness)[:, None] * self.compliance[:n, :n]
         slope = slope - reaction.damping[:, None] * self.mobility[:n, :n]
         J = jnp.eye(n) - slope
-        e = jnp.stack(solve_general([[J[i, j] for j in range(n)] for i in range(n)], list(off)))
+        rows = [[J[i, j] for j in range(n)] for i in range(n)]
+        e = jnp.stack(solve_general(rows, list(off))) if n else off
         total, inertia, memory = jnp.zeros_like(self.size), jnp.zeros_like(self.size), []
         for i, kind in enumerate(predictor.kinds):
             unit, kept = kind.unit_force(motion, self.shape, at.memory[:, i])
@@ -254,7 +256,8 @@ class _Run(NamedTuple):
         n, m = self.by.joints.shape[0], self.mobility.shape[0]
         last = at.d[:n] + self.compliance[:n, :n] @ at.g[3 * m : 3 * m + n]
         moved, risen = d - last, reaction.force - self.by.stiffness * last + at.g[:n]
-        known = (jnp.abs(moved) > _STILL * jnp.abs(d)) & (reaction.damping == 0.0)
+        least = jnp.maximum(_STILL * jnp.abs(d), _NOTHING)
+        known = (jnp.abs(moved) > least) & (reaction.damping == 0.0)
         chord = risen / jnp.where(known, moved, 1.0)
         # Between stuck and what it is at d: a little way back and forth tells less than that.
         ends = reaction.stiffness, self.by.stiffness

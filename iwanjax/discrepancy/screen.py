@@ -157,7 +157,7 @@ def _explained(search: Search, made: np.ndarray, shared: int) -> np.ndarray:
     f, R, size = made.shape
     p, k = search.parameters, f - shared
     columns = np.zeros((R * size, shared + R * k))
-    columns[:, :shared] = made[:shared].reshape(shared, -1).T
+    columns[:, :shared] = made[:shared].reshape(shared, R * size).T
     for r in range(R):
         at = slice(shared + r * k, shared + (r + 1) * k)
         columns[r * size : (r + 1) * size, at] = made[shared:, r].T

@@ -104,6 +104,8 @@ def _of_logit(info: ParameterInfo, value: Scalar) -> Scalar:
 
 def joints_at(joints: tuple[Joint, ...], z: Array) -> tuple[AbstractJoint, ...]:
     """All joints at z, the parameters of one after the other."""
+    if not joints:
+        return ()
     ends = np.cumsum([len(joint.given.parameters) for joint in joints])
     parts = jnp.split(jnp.asarray(z), ends[:-1])
     return tuple(joint.at(part) for joint, part in zip(joints, parts, strict=True))
@@ -118,6 +120,8 @@ def tangents(
     joints: tuple[Joint, ...], z: Float[Array, "lanes parameters"]
 ) -> Float[Array, "lanes joints"]:
     """Initial stiffnesses of all joints."""
+    if not joints:
+        return jnp.zeros((z.shape[0], 0))
 
     def one(z: Array) -> Array:
         return jnp.stack([joint.initial_stiffness for joint in joints_at(joints, z)])
@@ -305,7 +309,9 @@ def responses(
         def along(row: Array, force: Array, fault: Array) -> Array:
             # A sensor that shows more is as one that has measured less.
             moved = (-predictor.pushed(row, force), -jnp.sum(fault[:, None] * shown, axis=0))
-            return jax.jvp(residual, (data.push, data.response), moved)[1]
+            found = jax.jvp(residual, (data.push, data.response), moved)[1]
+            # Beyond the end of a shorter recording nothing is compared, whatever happens there.
+            return jnp.where(data.weight > 0, found, 0.0)
 
         return jax.vmap(along)(small.row, force, small.fault)
 

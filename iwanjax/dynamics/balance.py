@@ -100,6 +100,8 @@ class Joints(eqx.Module):
         )
 
     def _merged(self, parts: list[Array]) -> Array:
+        if not parts:
+            return jnp.zeros(0)
         if len(parts) == 1:
             return parts[0]
         places = [i for group in self.order for i in group]
@@ -171,6 +173,8 @@ def balance(guess: Float[Array, " joints"], end: StepEnd) -> Float[Array, " join
     balance was found.
     """
     m = end.d.shape[0]
+    if m == 0:
+        return guess
 
     def proceed(trial: _Trial) -> Array:
         return ~trial.balanced & (trial.iterations < _MOST_ITERATIONS)
@@ -215,6 +219,8 @@ def balance(guess: Float[Array, " joints"], end: StepEnd) -> Float[Array, " join
 def _balance_jvp(primals: Any, tangents: Any) -> tuple[Array, Array]:
     (guess, end), (_, d_end) = primals, tangents
     g = balance(guess, end)
+    if g.shape[0] == 0:
+        return g, g
     moved = eqx.filter_jvp(lambda e: e.residual(g), (end,), (d_end,))[1]
     return g, -solved(end, end.react(g), moved)
 

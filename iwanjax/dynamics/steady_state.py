@@ -292,6 +292,7 @@ def parameter_set(structure: JointedStructure) -> tuple[AbstractJoint, ...]:
     ------
     InputError
     """
+    structure.require_joints("steady state")
     batch = {jnp.shape(leaf) for leaf in jax.tree.leaves(structure.elements)} - {()}
     if batch:
         raise InputError(

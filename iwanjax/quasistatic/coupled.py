@@ -113,6 +113,7 @@ def coupled_modes(
         When JAX computes in float32.
     """
     require_double_precision("coupled_modes")
+    structure.require_joints("coupled_modes")
     A = as_real(amplitude, "amplitude")
     if A.ndim != 2 or A.size == 0:
         raise InputError(f"amplitude has shape {A.shape}; expected (levels, modes)")

@@ -180,6 +180,7 @@ def qsma(
             f"qsma expects a JointedStructure, got {type(structure).__name__}; a structure "
             "without joints is linear: see LinearStructure.modes"
         )
+    structure.require_joints("qsma")
     modes, single = _modes(structure, mode)
     levels = _load_levels(alpha, len(modes))
     joints = structure.elements

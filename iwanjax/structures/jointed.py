@@ -55,7 +55,8 @@ class JointedStructure(eqx.Module):
     structure : LinearStructure
         The structure without joints.
     joints : mapping of str to (row, joint)
-        For each label the (n,) row with deflection d = row @ u, and the element.
+        For each label the (n,) row with deflection d = row @ u, and the element. None at all
+        is a linear structure, of which modes, time integration and a diagnosis are to be had.
 
     Raises
     ------
@@ -79,10 +80,8 @@ class JointedStructure(eqx.Module):
             raise InputError(
                 f"JointedStructure expects a LinearStructure, got {type(structure).__name__}"
             )
-        if not isinstance(joints, Mapping) or not joints:
-            raise InputError(
-                "JointedStructure expects a mapping {label: (row, joint)} with at least one joint"
-            )
+        if not isinstance(joints, Mapping):
+            raise InputError("JointedStructure expects a mapping {label: (row, joint)}")
         rows, elements = [], []
         for label, entry in joints.items():
             row, element = _entry(label, entry, structure.size)
@@ -93,7 +92,7 @@ class JointedStructure(eqx.Module):
                 "JointedStructure cannot be built from what is being traced: build it once outside "
                 "jit, grad or vmap, and use with_joints inside"
             )
-        B = np.stack(rows)
+        B = np.array(rows).reshape(len(rows), structure.size)
         # A batch of parameter sets is referred to its middle.
         stiffness = np.array([float(np.median(joint.initial_stiffness)) for joint in elements])
         stuck = LinearStructure(
@@ -117,6 +116,24 @@ class JointedStructure(eqx.Module):
     def joints(self) -> dict[str, AbstractJoint]:
         """The elements by label."""
         return dict(zip(self.labels, self.elements, strict=True))
+
+    def require_joints(self, what: str) -> None:
+        """Refuse a structure without joints where amplitude is what matters.
+
+        Parameters
+        ----------
+        what : str
+            Who asks, for the message.
+
+        Raises
+        ------
+        InputError
+        """
+        if not self.labels:
+            raise InputError(
+                f"{what}: the structure has no joints; it is linear, the same at every amplitude "
+                "(see LinearStructure.modes); expected at least one joint"
+            )
 
     def with_joints(self, joints: Mapping[str, AbstractJoint]) -> "JointedStructure":
         """The same structure with some elements replaced, keeping the modal reference.
@@ -166,6 +183,8 @@ class JointedStructure(eqx.Module):
 
         Parameters and errors as for :meth:`modes`.
         """
+        if not self.elements:
+            return self.structure
         stiffness = np.stack(
             [
                 np.asarray(joint.initial_stiffness if limit == "low" else joint.limit_stiffness)

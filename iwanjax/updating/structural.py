@@ -291,6 +291,7 @@ def _owners(
     structure: JointedStructure, groups: Mapping[str, Sequence[str]] | None
 ) -> dict[str, tuple[str, ...]]:
     """Joints by group, those without one on their own."""
+    structure.require_joints("fit")
     grouped = {name: tuple(labels) for name, labels in (groups or {}).items()}
     seen: list[str] = []
     for name, labels in grouped.items():

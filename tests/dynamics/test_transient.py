@@ -16,6 +16,7 @@ from reference.test_brake_reuss import beam  # noqa: F401
 
 import iwanjax as ij
 from iwanjax.dynamics import base_input, half_sine, modal_input, point_input, sine
+from iwanjax.dynamics.transient import QUANTITIES
 
 METHODS = ["exact", "newmark"]
 HIT = 1.744115  # rad/s, of the half sine in the thesis's Sec. 2.3.1
@@ -79,6 +80,29 @@ def test_locked_joints_after_a_thousand_cycles(case):
     elastic = np.diff(expected, axis=1)
     error = np.max(np.abs(np.diff(found.displacement, axis=1) - elastic))
     assert error < 1e-9 * np.max(np.abs(elastic))
+
+
+def test_a_structure_without_joints_moves_in_its_modes():
+    K = np.asarray(ij.three_mass().structure.K)
+    js = ij.JointedStructure(ij.LinearStructure(10 * np.eye(3), 0.02 * K, K), {})
+    u, v, row, force = np.array([0.1, -0.2, 0.3]), np.array([1.0, 0.5, -1.5]), np.eye(3)[0], 0.02
+    found = ij.simulate(
+        js,
+        np.full(400, force),
+        0.05,
+        inputs=row,
+        displacement=u,
+        velocity=v,
+        keep=[*QUANTITIES, "energy"],
+    )
+    expected = linear_response(js, u, v, row, force, np.asarray(found.time))
+    np.testing.assert_allclose(found.displacement, expected, atol=1e-11 * np.abs(expected).max())
+    assert bool(found.balanced)
+    assert found.joint_force.shape == (400, 0)
+    energy = found.energy
+    stored = energy.kinetic + energy.elastic + energy.viscous - energy.work
+    np.testing.assert_allclose(stored, stored[0], rtol=1e-4)
+    assert not np.any(energy.joints)
 
 
 def test_newmark_lowers_the_frequency_by_a_twelfth_of_the_angle_squared():

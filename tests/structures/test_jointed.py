@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import iwanjax as ij
+from iwanjax.dynamics.steady_state import parameter_set
 from iwanjax.structures.modification import modified_modes
+from iwanjax.updating.structural import structural_parameters
 
 ROW = np.array([0.0, -1.0, 1.0])
 JOINT = ij.Iwan4(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0)
@@ -97,7 +99,6 @@ def test_modified_frequency_has_the_right_gradient():
 STRUCTURE = ij.LinearStructure(10 * np.eye(3), None, ij.three_mass().structure.K)
 BAD_JOINTS = {
     "no structure": ((np.eye(3), {"J": (ROW, JOINT)}), "expects a LinearStructure, got ndarray"),
-    "no joints": ((STRUCTURE, {}), "at least one joint"),
     "a list": ((STRUCTURE, [(ROW, JOINT)]), "expects a mapping"),
     "short row": ((STRUCTURE, {"J": (ROW[:2], JOINT)}), r"row of joint 'J' has shape \(2,\)"),
     "NaN in the row": ((STRUCTURE, {"J": (ROW * np.nan, JOINT)}), "row of joint 'J' holds 3 NaN"),
@@ -115,6 +116,28 @@ def test_bad_joints_get_one_clear_line(case):
     with pytest.raises(ij.InputError, match=message) as caught:
         ij.JointedStructure(*arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_a_structure_without_joints_is_linear():
+    linear = ij.JointedStructure(STRUCTURE, {})
+    values = scipy.linalg.eigvalsh(np.asarray(STRUCTURE.K), np.asarray(STRUCTURE.M))
+    for limit in ("low", "high"):
+        elastic = values[-linear.modes(limit).omega.size :]
+        np.testing.assert_allclose(linear.modes(limit).omega ** 2, elastic, rtol=1e-12)
+
+
+@pytest.mark.parametrize("ask", ["qsma", "fit", "steady state"])
+def test_who_needs_amplitude_refuses_a_structure_without_joints(ask):
+    linear = ij.JointedStructure(STRUCTURE, {})
+    run = {
+        "qsma": lambda: ij.qsma(linear, 0, [1.0]),
+        "fit": lambda: structural_parameters(linear),
+        "steady state": lambda: parameter_set(linear),
+    }
+    with pytest.raises(
+        ij.InputError, match=f"{ask}: the structure has no joints; it is linear.*at least one joint"
+    ):
+        run[ask]()
 
 
 def test_a_row_that_sees_only_rigid_motion_is_refused():
