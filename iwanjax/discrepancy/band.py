@@ -4,13 +4,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-# Its end as a share of the sampling rate, where half is left: recorders fade out towards 0.4,
-# while forces inside the structure do not. Half the filter's length, samples; Kaiser's beta.
-_END, _BETA = 0.35, 5.0
+END = 0.35
+"""Its end as a share of the sampling rate, where half is left: recorders fade out towards 0.4,
+while forces inside the structure do not."""
+# Half the filter's length, samples; Kaiser's beta.
+_BETA = 5.0
 HALF = 16
 """Samples on either side that a compared value depends on."""
 _AT = np.arange(-HALF, HALF + 1)
-_TAPS = np.sinc(2.0 * _END * _AT) * np.kaiser(2 * HALF + 1, _BETA)
+_TAPS = np.sinc(2.0 * END * _AT) * np.kaiser(2 * HALF + 1, _BETA)
 _TAPS = _TAPS / _TAPS.sum()
 OF_NOISE = float(np.sqrt(np.sum(_TAPS**2)))
 """Share of white noise's deviation that is in the band."""

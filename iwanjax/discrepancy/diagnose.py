@@ -13,13 +13,14 @@ from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.final import compared
 from iwanjax.discrepancy.held_out import Free, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
+from iwanjax.discrepancy.late import attempted
 from iwanjax.discrepancy.measured import MODEL_ERROR, Transient, common_noise
 from iwanjax.discrepancy.observables import Observable, observables
 from iwanjax.discrepancy.places import followed, places_of
 from iwanjax.discrepancy.prediction import Quantity, predictor
 from iwanjax.discrepancy.ranking import LEAST_GAIN, containing
 from iwanjax.discrepancy.refitted import joints_refitted
-from iwanjax.discrepancy.resolution import Resolution
+from iwanjax.discrepancy.resolution import Resolution, Resolved
 from iwanjax.discrepancy.restoring import restoring_force
 from iwanjax.discrepancy.rounds import Grounds
 from iwanjax.discrepancy.sensitivity import Joint
@@ -138,21 +139,21 @@ def diagnose(
         progress,
     )
     table = competition.run(now.search, grounds, seed)
-    if grounds.in_time():
-        now = resolution.of_free_run(now, table.best)
-    table = competition.concluded(table, now.search, grounds)
-    if table.detected and grounds.in_time():
-        finer = resolution.of_fit(now, table.best)
-        if finer is not now:
-            progress("polishing again, with finer steps")
-            table = competition.concluded(table, finer.search, grounds)
-            now = finer
+    failures: list[str] = []
+    now, table = attempted(
+        "the polish to the free run",
+        lambda: _polished(resolution, now, table, grounds),
+        (now, table),
+        failures,
+    )
     sides, search, _ = now
     progress("predicting the held-out recordings")
     table, before, after, refused = compared(
         # How unsure macroslip leaves a prediction takes runs of its own.
         table,
-        lambda entry, replaced: sides.free(entry, replaced=replaced or not grounds.in_time()),
+        lambda entry, replaced: sides.free(
+            entry, failures, replaced=replaced or not grounds.in_time()
+        ),
     )
     verdict = judged(
         table.nominal.behind + LEAST_GAIN,
@@ -167,11 +168,26 @@ def diagnose(
     restoring = None
     if verdict.detected and grounds.in_time():
         progress("recovering the force and the modes' differences")
-        differing = observables(search, _joined(before), sampling_rate)
+        differing = attempted(
+            "comparing the modes",
+            lambda: observables(
+                search,
+                _joined(before),
+                sampling_rate,
+                {each.name: each.released for each in recordings},
+            ),
+            (),
+            failures,
+        )
         own = [entry for entry in table.entries if entry.search is search]
         if what and own and own[0] is table.best:
             others = [entry.fitted for entry in own[1:]]
-            restoring = restoring_force(search, followed(search), own[0].fitted, 0, others)
+            restoring = attempted(
+                "recovering the restoring force",
+                lambda: restoring_force(search, followed(search), own[0].fitted, 0, others),
+                None,
+                failures,
+            )
     warnings = [*sides.fitted.warnings, *sides.warnings()]
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
@@ -202,6 +218,7 @@ def diagnose(
         warnings=tuple(warnings),
         complete=grounds.in_time(),
         seconds=time.perf_counter() - started,
+        failures=tuple(dict.fromkeys(failures)),
     )
 
 
@@ -213,6 +230,21 @@ def _misfit(run: tuple[Free, Free | None]) -> Misfit:
         return Misfit(of_fit, math.nan)
     foreseen = math.hypot(held_out.floor_95, _DEVIATIONS * held_out.spread, MODEL_ERROR)
     return Misfit(of_fit, held_out.relative / foreseen)
+
+
+def _polished(
+    resolution: Resolution, now: Resolved, table: competition.Table, grounds: Grounds
+) -> tuple[Resolved, competition.Table]:
+    """The last few in the free run, with steps between samples that are fine enough for it."""
+    if grounds.in_time():
+        now = resolution.of_free_run(now, table.best)
+    table = competition.concluded(table, now.search, grounds)
+    if table.detected and grounds.in_time():
+        finer = resolution.of_fit(now, table.best)
+        if finer is not now:
+            grounds.progress("polishing again, with finer steps")
+            return finer, competition.concluded(table, finer.search, grounds)
+    return now, table
 
 
 def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:

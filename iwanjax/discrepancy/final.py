@@ -54,7 +54,8 @@ def compared(table: Table, run: Callable[[Entry, bool], Runs]) -> Compared:
     while table.detected:
         after = run(table.best, False)
         if before[1] is None or after[1] is None:
-            return Compared(table, before, after, ())
+            # One side alone, where the other's run failed, compares nothing.
+            return Compared(table, (before[0], None), (after[0], None), ())
         errors = before[1].relative, after[1].relative
         if not worse(*errors, before[1].floor_95):
             return Compared(table, before, after, tuple(refused))

@@ -130,9 +130,15 @@ def free_run(
 
 
 def joined(parts: Sequence[Free]) -> Free:
-    """Recordings one after the other."""
+    """Recordings one after the other, the shorter ones filled up with zeros."""
     names = tuple(name for part in parts for name in part.names)
-    arrays = zip(*(part[1:] for part in parts), strict=True)
+    longest = max(part.error.shape[1] for part in parts)
+
+    def filled(x: np.ndarray) -> np.ndarray:
+        missing = longest - x.shape[1] if x.ndim > 1 else 0
+        return np.pad(x, [(0, 0), (0, missing), (0, 0)]) if missing else x
+
+    arrays = zip(*(map(filled, part[1:]) for part in parts), strict=True)
     return Free(names, *(np.concatenate(each) for each in arrays))
 
 
@@ -168,8 +174,7 @@ def _free(
     open_to = np.einsum("rins,rjns->rij", slopes, slopes)
     unsure = np.einsum("rij,ij->r", open_to, known)
     p = search.parameters
-    moved = np.tile(rows, (len(other), 1, 1))
-    moved[:, :, :p] += np.array([each.change for each in other]).reshape(-1, 1, p)
+    moved = [np.hstack([rows[:, :p] + each.change, rows[:, p:]]) for each in other]
     residuals = glance(here, [(fitted.hypothesis, each) for each in moved], math.inf)
     for each, residual in zip(other, residuals, strict=True):
         change = (residual - seen.residual)[:count] / safe

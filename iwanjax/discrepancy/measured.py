@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from iwanjax.discrepancy.band import HALF, OF_NOISE
+from iwanjax.discrepancy.band import END, HALF, OF_NOISE
 from iwanjax.discrepancy.hold import hold
 from iwanjax.discrepancy.prediction import Data, Predictor
 from iwanjax.discrepancy.release import released
@@ -27,6 +27,12 @@ _ALWAYS = 0.05
 # Samples before the first force that a sensor's noise is measured on, and those beside it that
 # a sensor's own filter may spoil.
 _ENOUGH, _SPOILT = 20, 8
+# Segments of a spectrum that noise is told by, samples; bands up to the highest frequency that is
+# compared, at most, and values that each is the mean of, at least: a variance is then known to
+# sqrt(2/50) = 20 %, and the least of 20 up to 40 % too small. Twice as many bands
+# change nothing of Silverbox's multisine, half as many make its noise 5.9 times as large: its
+# force ends just below the last band.
+_SEGMENT, _BANDS, _VALUES = 1024, 20, 50
 # Largest over smallest variance of a sensor's noise, beyond which its recordings differ: with five
 # of 20 samples each one in a hundred does by chance (Hartley's test).
 _OTHER_NOISE = 4.6
@@ -71,6 +77,14 @@ class Transient:
             return self.response[:0].astype(float)
         return _before(self.response, cleaned(self.force.astype(float)).first)
 
+    @property
+    def released(self) -> int:
+        """Sample from which on no force acts any more; their number where one always does."""
+        if self.force is None:
+            return 0
+        force = cleaned(self.force.astype(float))
+        return len(self.response) if force.endless else force.last
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -106,12 +120,15 @@ class Force:
         Samples between which it acts.
     noise : (inputs,) array
         Standard deviation.
+    endless : bool
+        Whether one never ends, as a shaker's.
     """
 
     clean: np.ndarray
     first: int
     last: int
     noise: np.ndarray
+    endless: bool
 
 
 def prepared(
@@ -164,7 +181,8 @@ def prepared(
             push[0, -1, : len(state)] = state
         else:
             force = cleaned(each.force.astype(float), beside)
-            noise = np.where(np.isnan(known_noise), _noise(response, force.first), known_noise)
+            own = _quietest(response) if force.endless else _noise(response, force.first)
+            noise = np.where(np.isnan(known_noise), own, known_noise)
             felt, unsure = _felt(made, modal, force), _unsure(made, modal, force)
             kick[min(force.last + 1, len(response) - 1)] = 1.0
             push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))))
@@ -246,7 +264,7 @@ def _felt(made: Predictor, modal: ModalCoordinates, force: Force) -> np.ndarray:
 def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = _BESIDE) -> Force:
     """Forces without the noise beyond so many samples beside their pulses."""
     clean, noise = np.zeros_like(force), np.zeros(force.shape[1])
-    first, last = len(force), 0
+    first, last, endless = len(force), 0, False
     for i, column in enumerate(force.T):
         peak = np.max(np.abs(column))
         if peak == 0:
@@ -261,8 +279,10 @@ def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = _BESIDE) -> Forc
             first, last = min(first, start), max(last, end + beside)
         if noise[i] > _ALWAYS * peak:
             # No silence to measure the noise in: a shaker, not a hammer.
-            clean[:, i], noise[i], first, last = column, 0.0, 0, 0
-    return Force(clean, min(first, len(force) - 1), min(last, len(force) - 1), noise)
+            clean[:, i], noise[i], endless = column, 0.0, True
+    if endless:
+        first = last = 0
+    return Force(clean, min(first, len(force) - 1), min(last, len(force) - 1), noise, endless)
 
 
 def _runs(acts: np.ndarray) -> list[tuple[int, int]]:
@@ -368,6 +388,24 @@ def common_noise(recordings: Sequence[Transient]) -> np.ndarray:
     freedoms = np.array([len(each) - 1.0 for each in quiet])
     alike = variances.max(axis=0) < _OTHER_NOISE * variances.min(axis=0)
     return np.where(alike, np.sqrt(freedoms @ variances / freedoms.sum()), np.nan)
+
+
+def _quietest(response: np.ndarray) -> np.ndarray:
+    r"""Noise of sensors that are never at rest, by where the structure moves them least.
+
+    .. math:: \sigma^2 = \tfrac{1}{2} f_s \min_B S_B
+
+    with the mean S_B of the one-sided spectral density (Welch 1967) over each of some bands up to
+    the highest frequency that is compared. What is left of the motion there makes it an upper
+    bound; noise that is not white may exceed it elsewhere.
+    """
+    from scipy.signal import welch
+
+    f, density = welch(response, nperseg=min(_SEGMENT, len(response)), axis=0)
+    count = min(_BANDS, max(1, int(2.0 * END * len(response)) // _VALUES))
+    which = np.floor(f * count / END).astype(int)
+    found = [np.mean(density[which == band], axis=0) for band in range(count)]
+    return np.sqrt(0.5 * np.min(found, axis=0))
 
 
 def _before(response: np.ndarray, first: int) -> np.ndarray:

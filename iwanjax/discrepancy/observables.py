@@ -1,6 +1,6 @@
 """By mode and amplitude: how frequency and damping differ between recordings and the model."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -50,10 +50,24 @@ class Observable(NamedTuple):
     name: str
 
 
-def observables(search: Search, run: Free, sampling_rate: float) -> tuple[Observable, ...]:
+def observables(
+    search: Search, run: Free, sampling_rate: float, released: Mapping[str, int]
+) -> tuple[Observable, ...]:
     """Clear differences of a free run, the largest first.
 
-    Recordings whose decays are too short or too close to the noise say nothing.
+    Recordings whose decays are too short or too close to the noise say nothing, nor do those
+    that a force drives to their end.
+
+    Parameters
+    ----------
+    search : Search
+        That the model was fitted with.
+    run : Free
+        Of the model, against all recordings.
+    sampling_rate : float
+        Hz.
+    released : mapping of str to int
+        By recording, the sample from which on no force acts any more.
     """
     predictor = search.predictor
     frequency = np.sqrt(np.maximum(np.asarray(predictor.omega2), 0.0)) / (2.0 * np.pi)
@@ -61,8 +75,9 @@ def observables(search: Search, run: Free, sampling_rate: float) -> tuple[Observ
     elastic = [i for i, f in enumerate(frequency) if f > 0]
     found: list[Observable] = []
     for i, name in enumerate(run.names):
-        measured = run.measured[i]
-        predicted = measured - run.error[i]
+        free = slice(released[name], None)
+        measured = run.measured[i][free]
+        predicted = measured - run.error[i][free]
         for number, mode in enumerate(elastic):
             band = _band(frequency[elastic], number)
             if band[1] > _HIGHEST * sampling_rate:

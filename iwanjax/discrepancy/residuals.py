@@ -151,9 +151,10 @@ def _each(
     search: Search, kernel: tuple[str, int], count: int, run: Callable[[int], _Found]
 ) -> list[_Found]:
     """All jobs side by side; the first alone while a kernel is compiled: two would both do it."""
-    alone = 0 if kernel in search.compiled else 1
+    made = (*kernel, search.data.response.shape[1])
+    alone = 0 if made in search.compiled else 1
     found = [run(i) for i in range(alone)]
-    search.compiled.add(kernel)
+    search.compiled.add(made)
     with ThreadPoolExecutor(_THREADS) as pool:
         return [*found, *pool.map(run, range(alone, count))]
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from iwanjax.discrepancy.evidence import left_by_noise
 from iwanjax.discrepancy.held_out import Free, free_run
+from iwanjax.discrepancy.late import attempted
 from iwanjax.discrepancy.macroslip import alternatives
 from iwanjax.discrepancy.measured import Prepared, Transient, directions_of, prepared
 from iwanjax.discrepancy.prediction import Predictor
@@ -49,13 +50,18 @@ class Sides:
         modal: ModalCoordinates,
         known: np.ndarray,
     ) -> "Sides":
-        """All of them for one predictor, the noise of their sensors known."""
-        length = max(len(each.response) for each in recordings)
+        """All of them for one predictor, the noise of their sensors known.
+
+        Those held out are filled up to the length of those to fit, for one kernel; longer ones
+        have kernels of their own, so that no step of a fit runs on through their length.
+        """
         order = tuple(i for i, each in enumerate(recordings) if each.use == "fit")
         rest = [i for i, each in enumerate(recordings) if each.use == "hold_out"]
         count, directions = len(order), directions_of(recordings, made)
+        fitted = max(len(recordings[i].response) for i in order)
 
         def taken(those: Sequence[int]) -> Prepared:
+            length = max([fitted, *(len(recordings[i].response) for i in those)])
             return prepared(
                 [recordings[i] for i in those], made, modal, known, length, count, directions
             )
@@ -63,18 +69,23 @@ class Sides:
         held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
         return cls(taken(order), order, tuple((taken(those), those) for those in held))
 
-    def free(self, entry: Entry, *, replaced: bool = False) -> tuple[Free, Free | None]:
-        """Free runs against both.
+    def free(
+        self, entry: Entry, failures: list[str], *, replaced: bool = False
+    ) -> tuple[Free, Free | None]:
+        """Free runs against both; without those held out where their run fails.
 
         Of a model that another one replaces nobody asks how unsure macroslip leaves it.
         """
         other = [] if replaced else alternatives(entry.search, entry.fitted)
-        found = [
-            free_run(entry.search, entry.fitted, other, batches) if batches else None
-            for batches in ([(self.fitted, self.order)], self.held)
-        ]
-        assert found[0] is not None
-        return found[0], found[1]
+        fitted = free_run(entry.search, entry.fitted, other, [(self.fitted, self.order)])
+        if not self.held:
+            return fitted, None
+        return fitted, attempted(
+            "predicting the held-out recordings",
+            lambda: free_run(entry.search, entry.fitted, other, self.held),
+            None,
+            failures,
+        )
 
     def warnings(self) -> list[str]:
         """What a verdict on so little may miss."""

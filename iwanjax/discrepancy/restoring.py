@@ -58,7 +58,8 @@ def restoring_force(
     beyond it is a force over the inertia that it meets (with other sensors, what the observer
     has to add to the modal velocities at every sample); with the suspect's own force it makes
     what the place needs: a partial residual, which bends away from the law where that is wrong.
-    Samples of the pulse are left out.
+    Samples of a pulse are left out; where a force acts throughout, what it does is in the
+    prediction, and all samples count.
 
     Returns
     -------
@@ -83,7 +84,9 @@ def restoring_force(
     else:
         left = -(e[hardest] @ gain[kept:].T @ row) / (dt * float(row @ row))
     quiet = ~np.any(np.asarray(search.data.push)[hardest] != 0, axis=(1, 2))
-    used = (weight[hardest, :, 0] > 0) & quiet
+    used = weight[hardest, :, 0] > 0
+    if np.count_nonzero(used & quiet) >= _BINS * _FEWEST:
+        used &= quiet
     d, v = d[hardest], v[hardest]
     a = np.gradient(v, dt)
     laws = {}

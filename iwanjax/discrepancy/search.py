@@ -101,8 +101,8 @@ class Search:
         Deviations.
     order : tuple of int
         Places of the recordings in the study, by which a joint's drift is told.
-    compiled : set of (str, int)
-        Kernels that there are already, and for how many slots.
+    compiled : set of (str, int, int)
+        Kernels that there are already, for how many slots and samples.
     """
 
     predictor: Predictor
@@ -110,7 +110,7 @@ class Search:
     data: Data
     noise: np.ndarray
     order: tuple[int, ...]
-    compiled: set[tuple[str, int]] = field(default_factory=set, repr=False)
+    compiled: set[tuple[str, int, int]] = field(default_factory=set, repr=False)
     _process: dict[float, float] = field(default_factory=dict, repr=False)
 
     @cached_property

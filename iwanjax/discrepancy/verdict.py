@@ -151,6 +151,8 @@ class Diagnosis:
         Whether the budget of time sufficed.
     seconds : float
         What it took.
+    failures : tuple of str
+        Late stages that failed, in words; what does not rest on them holds.
     """
 
     verdict: Verdict
@@ -171,6 +173,7 @@ class Diagnosis:
     warnings: tuple[str, ...]
     complete: bool
     seconds: float
+    failures: tuple[str, ...] = ()
 
     @property
     def detected(self) -> bool:
@@ -308,6 +311,7 @@ class Diagnosis:
                 f"by about {share(spread)} more"
             )
         told += self.warnings
+        told += [f"This part is missing: {each}" for each in self.failures]
         if not self.complete:
             told.append("The time given was too short to finish; this is so far")
         return told

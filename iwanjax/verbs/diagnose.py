@@ -1,13 +1,17 @@
 """The verb ``diagnose``: what a study's model is missing, by its recordings."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from matplotlib.figure import Figure
 
 from iwanjax.config import Study
 from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun, ModesRun
 from iwanjax.discrepancy.judgement import together
+from iwanjax.discrepancy.late import attempted
 from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.plotting import (
     plot_diagnosis,
@@ -34,10 +38,12 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
     # Several modes have their pictures under their own names.
     ends = [f"_{label}" for label in file_names(verdicts)] if len(verdicts) > 1 else [""]
     with results(out) as folder:
-        sections = [
-            _section(name, verdict, _pictures(verdict, folder, end))
-            for (name, verdict), end in zip(verdicts.items(), ends, strict=True)
-        ]
+        sections = []
+        for (name, verdict), end in zip(verdicts.items(), ends, strict=True):
+            failures = list(verdict.failures)
+            pictures = _pictures(verdict, folder, end, failures)
+            verdicts[name] = replace(verdict, failures=tuple(failures))
+            sections.append(_section(name, verdict, pictures))
         write_json(folder / "diagnosis.json", told(study.name, verdicts))
         lead = [
             f"{name}: {verdict.statement()}" if len(verdicts) > 1 else verdict.statement()
@@ -87,6 +93,7 @@ def told(study: str, verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
         "refused": [each for part in parts for each in part["refused"]],
         "indistinguishable": [pair for part in parts for pair in part["indistinguishable"]],
         "warnings": [line for part in parts for line in part["warnings"]],
+        "failures": [line for part in parts for line in part["failures"]],
         "complete": all(part["complete"] for part in parts),
         "seconds": sum(part["seconds"] for part in parts),
         "statement": " ".join(part["statement"] for part in parts),
@@ -145,6 +152,7 @@ def _told(verdict: Diagnosis) -> dict[str, Any]:
         ],
         "indistinguishable": [list(each) for each in verdict.indistinguishable],
         "warnings": list(verdict.warnings),
+        "failures": list(verdict.failures),
         "complete": verdict.complete,
         "seconds": verdict.seconds,
         "statement": verdict.statement(),
@@ -163,14 +171,16 @@ def _parameters(estimates: Iterable[Estimate]) -> dict[str, Any]:
     }
 
 
-def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, bytes]]:
-    """Captions and pictures, the verdict's own first."""
-    drawn = [
+def _pictures(
+    verdict: Diagnosis, folder: Path, end: str, failures: list[str]
+) -> list[tuple[str, bytes]]:
+    """Captions and pictures, the verdict's own first; one that fails is named instead."""
+    plots: list[tuple[str, str, Callable[[Diagnosis], Figure]]] = [
         (
             "Errors of every recording"
             + (", and how far the rivals are behind." if verdict.what else "."),
             "diagnosis",
-            plot_diagnosis(verdict),
+            plot_diagnosis,
         )
     ]
     if isinstance(verdict.runs[0], CurveRun | ModesRun):
@@ -178,29 +188,40 @@ def _pictures(verdict: Diagnosis, folder: Path, end: str) -> list[tuple[str, byt
             "Frequency and damping as measured and as the models before and after have them; "
             "below, what either leaves, over the deviation of each point."
         )
-        drawn.append((told, "prediction", plot_explained(verdict)))
+        plots.append((told, "prediction", plot_explained))
     elif isinstance(verdict.runs[0], LoopRun):
         told = (
             "Force against deflection as measured and as the models before and after have it; "
             "below, what either leaves, over the force's deviation."
         )
-        drawn.append((told, "prediction", plot_loops(verdict)))
+        plots.append((told, "prediction", plot_loops))
     else:
         told = (
             "The last recording, held out where one is, in free run: measured, predicted before "
             "and after, and the spectrum of what is left."
         )
-        drawn.append((told, "prediction", plot_prediction(verdict)))
+        plots.append((told, "prediction", plot_prediction))
     if verdict.restoring is not None:
         told = (
             "What the place needs: the chosen law and what the recordings leave beside it, sample "
             "by sample; it bends away from the law where that is wrong. Lines are the laws fitted."
         )
-        drawn.append((told, "restoring_force", plot_restoring(verdict)))
+        plots.append((told, "restoring_force", plot_restoring))
     if verdict.scores:
         told = "Where: what each kind at each place would explain of what the joints cannot."
-        drawn.append((told, "places", plot_places(verdict)))
-    return [(told, save(figure, folder / f"{name}{end}.png")) for told, name, figure in drawn]
+        plots.append((told, "places", plot_places))
+    found = []
+    for told, name, plot in plots:
+        path = folder / f"{name}{end}.png"
+        drawn = attempted(
+            f"the picture {path.name}",
+            lambda plot=plot, path=path: save(plot(verdict), path),
+            None,
+            failures,
+        )
+        if drawn is not None:
+            found.append((told, drawn))
+    return found
 
 
 def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> Section:
