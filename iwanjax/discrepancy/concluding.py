@@ -120,23 +120,31 @@ def concluded(
 
 
 def parameters_refitted(
-    fit: Explained, slopes: np.ndarray, parameters: Sequence[Parameter], name: str
+    fit: Explained,
+    slopes: np.ndarray,
+    parameters: Sequence[Parameter],
+    name: str,
+    given: Sequence[int] | np.ndarray | None = None,
 ) -> tuple[Refitted, ...]:
     """The parameters of a fit to curves or loops, by the joint that each names.
 
     Parameters
     ----------
     fit : fit
-        With as many parameters first.
-    slopes : (residuals, parameters + 1) array
-        Of the residuals, the last of which is the size of a force, if there is one.
+        Of these parameters and what was added to them.
+    slopes : (residuals, values) array
+        Of the residuals, in all of them.
     parameters : sequence of Parameter
         What they are.
     name : str
         What those are called that name no joint.
+    given : sequence of int, optional
+        Their places among the values; the first ones unless told otherwise.
     """
-    free = [i for i, each in enumerate(parameters) if not each.fixed]
-    columns = [*free, len(parameters)] if fit.force is not None else free
+    places = list(range(len(parameters)) if given is None else map(int, given))
+    free = [at for at, each in zip(places, parameters, strict=True) if not each.fixed]
+    added = [i for i in range(slopes.shape[1]) if i not in places]
+    columns = [*free, *added] if fit.force is not None else free
     std = dict(
         zip(
             columns,
@@ -145,7 +153,7 @@ def parameters_refitted(
         )
     )
     found: dict[str, list[Estimate]] = {}
-    for i, each in enumerate(parameters):
+    for i, each in zip(places, parameters, strict=True):
         joint, _, own = each.name.rpartition(".")
         info = ParameterInfo(own, each.unit, each.meaning)
         estimate = Estimate(info, float(fit.theta[i]), std.get(i, float("nan")))

@@ -11,10 +11,12 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.backbone import CurveFit, fit_alone, fit_beside
+from iwanjax.discrepancy.backbone_joints import JointFit, fit_with_joint
 from iwanjax.discrepancy.catalogue import ForceKind, ModeKind, kinds_of
 from iwanjax.discrepancy.companion import Companion, CoupledFit, fit_coupled
 from iwanjax.discrepancy.concluding import concluded, parameters_refitted
 from iwanjax.discrepancy.curve_run import CurveRun
+from iwanjax.discrepancy.left_out import joint_estimates, joint_kind
 from iwanjax.discrepancy.observables import clear_differences
 from iwanjax.discrepancy.one_joint import Standing, estimates_of, tried
 from iwanjax.discrepancy.rounds import INDULGENCE
@@ -57,7 +59,8 @@ def diagnose_curves(
     cycle, and everything is fitted again. What changes stiffness or damping alike at every
     amplitude (a spring, a mass, a dashpot, a Maxwell element) is part of the mode's own f_0
     and zeta_0, and a force without a first harmonic (a quadratic spring) does not show: of
-    these curves say nothing, which the verdict states. Where other modes moved at the same time
+    these curves say nothing, which the verdict states. Then a whole joint more is tried: a mode
+    that was taken for linear may have one. Where other modes moved at the same time
     the joint may be theirs too: then what they do to it differs from hit to hit.
 
     Evidences are those of :func:`iwanjax.diagnose`, of levels whose residuals may be
@@ -150,10 +153,19 @@ def diagnose_curves(
         fit = fit_coupled(base, by_itself, alone.theta[:-1], draws, modal[0], other)
         if fit is not None and math.isfinite(fit.cost):
             together.append(fit)
-    passive: list[CurveFit | CoupledFit] = [fit for fit in found if fit not in active]
-    standing = Standing[CurveFit | CoupledFit].of(alone, [*passive, *together])
+    passive: list[CurveFit | CoupledFit | JointFit] = [fit for fit in found if fit not in active]
+    more = joint_kind(hypotheses)
+    if more is not None and time.perf_counter() - started < budget:
+        progress(f"{name}: with a joint left out")
+        fit = fit_with_joint(alone, more, doubted, found, random)
+        passive += [fit] if math.isfinite(fit.cost) else []
+    elif more is not None:
+        complete = False
+    standing = Standing[CurveFit | CoupledFit | JointFit].of(alone, [*passive, *together])
 
-    def seen(fit: CurveFit | CoupledFit) -> tuple[tuple[ModalCurves, ...], tuple[ModalCurves, ...]]:
+    def seen(
+        fit: CurveFit | CoupledFit | JointFit,
+    ) -> tuple[tuple[ModalCurves, ...], tuple[ModalCurves, ...]]:
         """Curves, and with the oscillator's own error, that a fit is held against."""
         # What another mode explains is no scatter of the hits any more.
         if isinstance(fit, CoupledFit) and own:
@@ -205,22 +217,25 @@ def _check_levels(
             )
 
 
-def _run(fit: CurveFit | CoupledFit, measured: tuple[ModalCurves, ...], fitted: int) -> CurveRun:
+def _run(
+    fit: CurveFit | CoupledFit | JointFit, measured: tuple[ModalCurves, ...], fitted: int
+) -> CurveRun:
     predicted = tuple(fit.predicted(each, i) for i, each in enumerate(measured))
     return CurveRun.of(measured, predicted, fitted)
 
 
-def _estimates(fit: CurveFit | CoupledFit, curves: ModalCurves) -> tuple[Estimate, ...]:
+def _estimates(fit: CurveFit | CoupledFit | JointFit, curves: ModalCurves) -> tuple[Estimate, ...]:
     """Size and shape of the force, per unit modal mass."""
 
     def told(each: Estimate) -> Estimate:
         unit = modal_unit(each.info.dimension, curves)
         return each._replace(info=replace(each.info, dimension=unit))
 
-    return tuple(map(told, estimates_of(fit)))
+    found = joint_estimates(fit) if isinstance(fit, JointFit) else estimates_of(fit)
+    return tuple(map(told, found))
 
 
-def _active(active: Sequence[CurveFit], chosen: CurveFit | CoupledFit) -> list[str]:
+def _active(active: Sequence[CurveFit], chosen: CurveFit | CoupledFit | JointFit) -> list[str]:
     """What explains more than the verdict, but cannot be."""
     told = []
     for fit in active:

@@ -9,6 +9,8 @@ import numpy as np
 
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.concluding import concluded, parameters_refitted
+from iwanjax.discrepancy.left_out import joint_estimates, joint_kind
+from iwanjax.discrepancy.loop_joints import TwoJointsFit, loops_with_joint
 from iwanjax.discrepancy.loop_run import LoopRun
 from iwanjax.discrepancy.loops import Driven, LoopFit, driven, loops_alone, loops_beside, noise_of
 from iwanjax.discrepancy.one_joint import Standing, estimates_of, tried
@@ -20,6 +22,9 @@ from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.types import require_double_precision
 from iwanjax.updating.parameters import Parameter, drawn, replaced
 from iwanjax.updating.structural import joint_parameters
+
+# Relative difference of costs that is rounding.
+_SAME = 1e-6
 
 
 def diagnose_loops(
@@ -44,7 +49,8 @@ def diagnose_loops(
     .. math:: F(t) = F_J[d](t) + s\, u[d](t) + F_0,
 
     with an offset :math:`F_0` of each loop. Loops that begin undeflected begin at rest, or on
-    the outermost branch like the others, whichever the joint alone explains better. Without
+    the outermost branch like the others, whichever the joint alone explains better. Then a whole
+    joint more is tried. Without
     time nothing shows that depends on rate, which the verdict says.
 
     Evidences are those of :func:`iwanjax.diagnose`. Errors are root mean squares of predicted
@@ -102,7 +108,16 @@ def diagnose_loops(
         at_rest: loops_alone(joint, row, driven(together, deviations, len(several), at_rest), draws)
         for at_rest in {each.may_begin_at_rest for each in together} | {False}
     }
+    more = joint_kind(hypotheses)
     at_rest = min(found_by, key=lambda each: found_by[each].cost)
+    if more is not None and _alike(found_by):
+        # A joint without memory cannot tell where a loop begins; one that it lacks may.
+        with_it = {
+            each: loops_with_joint(fit, more, ()).cost
+            for each, fit in found_by.items()
+            if time.perf_counter() - started < budget
+        }
+        at_rest = min(with_it, key=with_it.__getitem__, default=at_rest)
     alone = found_by[at_rest]
     if not math.isfinite(alone.cost):
         raise InputError(f"diagnose_loops: {name}: no start gave finite forces")
@@ -112,10 +127,17 @@ def diagnose_loops(
         lambda: time.perf_counter() - started < budget,
         lambda line: progress(f"{name}: {line}"),
     )
-    standing = Standing.of(alone, found)
+    tried_all: list[LoopFit | TwoJointsFit] = list(found)
+    if more is not None and time.perf_counter() - started < budget:
+        progress(f"{name}: with a joint left out")
+        fit = loops_with_joint(alone, more, found)
+        tried_all += [fit] if math.isfinite(fit.cost) else []
+    elif more is not None:
+        complete = False
+    standing = Standing[LoopFit | TwoJointsFit].of(alone, tried_all)
     whole = driven(together, deviations, len(several), at_rest, math.inf)
 
-    def run(fit: LoopFit) -> LoopRun:
+    def run(fit: LoopFit | TwoJointsFit) -> LoopRun:
         return LoopRun(together, _along(fit, whole, together), len(several), deviations)
 
     before = run(alone)
@@ -124,7 +146,7 @@ def diagnose_loops(
         name,
         lambda fit: (before, run(fit)),
         len(several),
-        estimates_of,
+        lambda fit: joint_estimates(fit) if isinstance(fit, TwoJointsFit) else estimates_of(fit),
         joints=lambda fit: parameters_refitted(
             fit, np.asarray(slopes(fit.problem, jnp.asarray(fit.theta))), row, name
         ),
@@ -134,7 +156,15 @@ def diagnose_loops(
     )
 
 
-def _along(fit: LoopFit, whole: Driven, loops: Sequence[ForceLoop]) -> tuple[np.ndarray, ...]:
+def _alike(found_by: Mapping[bool, LoopFit]) -> bool:
+    """Whether fits say the same of loops that begin in two ways."""
+    costs = [each.cost for each in found_by.values()]
+    return len(costs) > 1 and max(costs) <= (1.0 + _SAME) * min(costs)
+
+
+def _along(
+    fit: LoopFit | TwoJointsFit, whole: Driven, loops: Sequence[ForceLoop]
+) -> tuple[np.ndarray, ...]:
     """Predicted forces of each loop, with the offset that suits it best."""
     found = []
     for row, loop in zip(fit.forces(whole), loops, strict=True):

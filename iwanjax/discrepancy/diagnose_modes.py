@@ -11,6 +11,7 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
 from iwanjax.discrepancy.concluding import concluded, parameters_refitted
 from iwanjax.discrepancy.curve_run import CurveRun, ModesRun
+from iwanjax.discrepancy.left_out import Added, joint_estimates, joint_kind
 from iwanjax.discrepancy.observables import clear_differences
 from iwanjax.discrepancy.one_joint import Standing, estimates_of
 from iwanjax.discrepancy.starts import slopes
@@ -22,18 +23,25 @@ from iwanjax.discrepancy.structural_curves import (
     modes_alone,
     modes_beside,
 )
+from iwanjax.discrepancy.structural_joints import modes_with_joint
 from iwanjax.discrepancy.verdict import Diagnosis, Score
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike, require_double_precision
-from iwanjax.updating.background import background_name, viscous_ratios
+from iwanjax.updating.background import (
+    background_name,
+    background_parameters,
+    viscous_ratios,
+)
 from iwanjax.updating.parameters import Parameter, drawn, fixed_at, replaced
 from iwanjax.updating.problem import Reference
 from iwanjax.updating.structural import structural_parameters, structural_problem
 
 # Forces at places that are refitted beside the best of each kind.
 _REFITS = 12
+# Places where a whole joint is tried.
+_JOINT_PLACES = 4
 _QUANTITY = "modal displacement"
 
 
@@ -57,7 +65,8 @@ def diagnose_modes(
     First the joints alone are fitted, through quasi-static modal analysis. Then every force of
     the catalogue acts at every place, by its first harmonic and its loss over a steady cycle of
     each mode on its own: at a glance first, of all shapes and sizes while the joints move
-    linearly; the best of these are fitted again together with the joints. Curves must be of
+    linearly; the best of these are fitted again together with the joints, and a whole joint more
+    where single forces promise most. Curves must be of
     one mode at a time, as free decays of a mode are that a modal filter or a shaker has singled
     out: where several modes move a joint at once, it is softer than curves can say.
 
@@ -120,7 +129,7 @@ def diagnose_modes(
     row = replaced(tuple(known.values()), parameters or {})
     base = structural_problem(structure, several, row, modes, None, groups, reference)
     random = np.random.default_rng(seed)
-    draws = drawn(row, random, max(starts, STARTS))
+    draws = drawn(row, random, max(starts, STARTS)) if row else np.zeros((STARTS, 0))
     progress(f"fitting the joints alone to {len(modes)} mode(s)")
     alone = modes_alone(base, draws)
     if not math.isfinite(alone.cost):
@@ -150,6 +159,16 @@ def diagnose_modes(
         fit = modes_beside(alone, glance, draws)
         if math.isfinite(fit.cost):
             found.append(fit)
+    more = joint_kind(hypotheses)
+    for place in _joint_places(rows, glances) if more is not None else ():
+        if time.perf_counter() - started >= budget:
+            complete = False
+            break
+        assert more is not None
+        progress(f"with a joint left out at {place[0]}")
+        fit = modes_with_joint(alone, more, place, several, row, groups, found)
+        if fit is not None and math.isfinite(fit.cost):
+            found.append(fit)
     standing = Standing.of(alone, found)
     before = _run(alone, several, others)
     return concluded(
@@ -157,7 +176,7 @@ def diagnose_modes(
         "",
         lambda fit: (before, _run(fit, several, others)),
         len(modes),
-        estimates_of,
+        lambda fit: joint_estimates(fit) if isinstance(fit.force, Added) else estimates_of(fit),
         observables=lambda before: tuple(
             each
             for mode, run, called in zip(modes, before.modes, before.labels, strict=True)
@@ -165,7 +184,7 @@ def diagnose_modes(
         ),
         scores=_scores(alone, glances),
         joints=lambda fit: parameters_refitted(
-            fit, np.asarray(slopes(fit.problem, jnp.asarray(fit.theta))), row, ""
+            fit, np.asarray(slopes(fit.problem, jnp.asarray(fit.theta))), row, "", fit.given
         ),
         warnings=lambda _: _unseen(list(dict.fromkeys(unseen))),
         complete=complete,
@@ -189,7 +208,10 @@ def modes_parameters(
     structure, curves, modes, groups
         As for :func:`iwanjax.structural_parameters`.
     """
-    known = structural_parameters(structure, groups, curves, modes)
+    if structure.labels:
+        known = structural_parameters(structure, groups, curves, modes)
+    else:
+        known = background_parameters(structure, curves, modes)
     given = viscous_ratios(structure, modes) > 0.0
     held = [background_name(mode) for mode, own in zip(modes, given, strict=True) if own]
     return {p.name: p for p in fixed_at(tuple(known.values()), held)}
@@ -241,6 +263,16 @@ def _worth_a_fit(glances: Sequence[ModesFit]) -> list[ModesFit]:
         first.setdefault(glance.force.kind.name, glance)
     chosen = [*ranked[:_REFITS], *first.values()]
     return [glance for glance in glances if any(glance is each for each in chosen)]
+
+
+def _joint_places(
+    rows: Mapping[str, np.ndarray], glances: Sequence[ModesFit]
+) -> list[tuple[str, np.ndarray]]:
+    """Where a joint left out is tried: where single forces promise most."""
+    ranked = sorted(glances, key=lambda each: each.cost)
+    labels = dict.fromkeys(each.force.where for each in ranked if each.force is not None)
+    chosen = [*labels, *(label for label in rows if label not in labels)][:_JOINT_PLACES]
+    return [(label, rows[label]) for label in chosen]
 
 
 def _run(

@@ -10,6 +10,7 @@ from jaxtyping import Array
 
 from iwanjax.discrepancy.catalogue import ForceKind, ModeKind
 from iwanjax.discrepancy.evidence import log_evidence
+from iwanjax.discrepancy.left_out import Added
 from iwanjax.discrepancy.ranking import LEAST_GAIN
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import SURE, Estimate
@@ -63,7 +64,7 @@ class Explained(Protocol):
     """Measurements of one joint, explained by it and at most one force."""
 
     @property
-    def force(self) -> Named | Moved | None:
+    def force(self) -> Named | Moved | Added | None:
         """None for the joint alone."""
         ...
 
@@ -175,6 +176,7 @@ def estimates_of(fit: Explained) -> tuple[Estimate, ...]:
     """Size and shape of a fit's force, with their deviations."""
     assert fit.force is not None
     kind, shape, _ = fit.force
+    assert isinstance(kind, ForceKind | ModeKind)
     std, std_shape, _ = fit.deviations()
     size = Estimate(kind.size, float(fit.theta[-1]), std)
     if kind.shape is None:

@@ -15,11 +15,13 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.catalogue import ForceKind, Scales
 from iwanjax.discrepancy.cycle import beside
 from iwanjax.discrepancy.force_at_place import WithForceAt
+from iwanjax.discrepancy.left_out import VALUES, Added
 from iwanjax.discrepancy.one_joint import (
     Deviations,
     Named,
     best_of,
     deviations_of,
+    linearised,
     over_shapes,
     shapes_near,
 )
@@ -48,8 +50,8 @@ class ModesFit:
 
     Attributes
     ----------
-    force : Named or None
-        None for the joints alone.
+    force : Named, Added or None
+        None for the joints alone; a joint left out is one of the structure's own.
     problem : WithForceAt
         What was searched.
     theta : (parameters,) array
@@ -58,7 +60,7 @@ class ModesFit:
         Sum of squared residuals over their deviations.
     """
 
-    force: Named | None
+    force: Named | Added | None
     problem: WithForceAt
     theta: np.ndarray
     cost: float
@@ -66,7 +68,7 @@ class ModesFit:
     @property
     def unknowns(self) -> int:
         """Values that were adjusted."""
-        own = 0 if self.force is None else 1 + (self.force.kind.shape is not None)
+        own = 1 + (self.force.kind.shape is not None) if isinstance(self.force, Named) else 0
         shifts = len(self.problem.base.modes) * (self.problem.reference == "shift")
         return len(self.problem.base.chart.free) + shifts + own
 
@@ -81,9 +83,7 @@ class ModesFit:
         return tuple(both[part] for part in self.problem.measured.slices)
 
     def _prediction(self) -> tuple[Array, Array]:
-        base = self.problem.base
-        found = _cycles(self.problem, jnp.asarray(self.theta), base.levels)
-        return found.frequency[base.curve, base.level], found.damping[base.curve, base.level]
+        return _at_levels(self.problem, self.theta)
 
     def correlation(self) -> float:
         """Correlation time of the residuals in levels, mean over the curves."""
@@ -91,9 +91,10 @@ class ModesFit:
 
     def deviations(self) -> Deviations:
         """Of the force's size and shape, linearised; NaN without one."""
+        force = self.force if isinstance(self.force, Named) else None
 
         def reshaped(factor: float) -> np.ndarray:
-            assert self.force is not None
+            assert isinstance(self.force, Named)
             force = self.force._replace(shape=self.force.shape * factor)
             unit = _unit(force, self.problem.level, self.problem.measured)
             changed = eqx.tree_at(lambda p: p.unit, self.problem, unit)
@@ -101,12 +102,29 @@ class ModesFit:
             return np.concatenate(moved.residuals()).T.ravel()
 
         return deviations_of(
-            self.force,
+            force,
             lambda: np.asarray(slopes(self.problem, jnp.asarray(self.theta))),
             reshaped,
             self.cost,
             self.correlation(),
         )
+
+    def added(self) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters of the joint left out, and their deviations, linearised."""
+        found = np.asarray(slopes(self.problem, jnp.asarray(self.theta)))
+        std = linearised(found, self.cost, self.correlation())
+        own = np.setdiff1d(np.arange(len(self.theta) - 1), self.given)
+        return self.theta[own], std[own]
+
+    @property
+    def given(self) -> np.ndarray:
+        """Places of the parameters of the structure that was given: no joint left out, no force."""
+        ratios = len(self.theta) - 1 - len(self.problem.base.modes)
+        places = np.arange(len(self.theta) - 1)
+        if isinstance(self.force, Added):
+            # Its own are the last of the joints', before the modes' damping.
+            return np.delete(places, np.arange(ratios - VALUES, ratios))
+        return places
 
     def predicted(self, curve: int, measured: Sequence[ModalCurves]) -> tuple[ModalCurves, ...]:
         """The model at the amplitudes of curves of a mode."""
@@ -207,7 +225,7 @@ def glanced(looked: Looked, kind: ForceKind, where: str, row: np.ndarray) -> Mod
 def modes_beside(alone: ModesFit, glance: ModesFit, draws: np.ndarray) -> ModesFit:
     """The joints and a force at a place, from a glance and from some draws of the joints."""
     looked, start = glance.force, glance.theta[-1]
-    assert looked is not None
+    assert isinstance(looked, Named)
 
     def at(force: Named) -> ModesFit:
         problem = glance.problem
@@ -244,8 +262,19 @@ def _problem(
 
 
 def _fit(problem: WithForceAt, force: Named | None, starts: np.ndarray) -> ModesFit:
+    if force is None and not problem.base.chart.free:
+        # A structure without joints is what it is.
+        left = np.concatenate([*problem.compared(*_at_levels(problem, starts[0]))])
+        return ModesFit(None, problem, starts[0], float(left @ left))
     cost, theta = least_cost(problem, starts, STARTS, _RUNS)
     return ModesFit(force, problem, theta, cost)
+
+
+def _at_levels(problem: WithForceAt, theta: np.ndarray) -> tuple[Array, Array]:
+    """Frequency and damping at the measured levels."""
+    base = problem.base
+    found = _cycles(problem, jnp.asarray(theta), base.levels)
+    return found.frequency[base.curve, base.level], found.damping[base.curve, base.level]
 
 
 def _deflections(d: np.ndarray) -> np.ndarray:

@@ -122,7 +122,9 @@ def backbones(
         modal = jnp.einsum("jk,jcl->kcl", rows, sigma)
         pull = jnp.sum(own * sigma, axis=0)
         omega2 = basis.omega2[modes][:, None] - pull / q
-        gives = others / (basis.omega2[:, None, None] - omega2)
+        # A mode that nothing pulls at is where it was: its own difference is none.
+        apart = jnp.where(others > 0.0, basis.omega2[:, None, None] - omega2, 1.0)
+        gives = others / apart
         rest = d - own * q - jnp.einsum("jk,kcl->jcl", rows, gives * modal)
         # The frequency at which the others answer moves with d, and with q.
         shifted = jnp.einsum("jk,kcl->jcl", rows, gives**2 * modal)

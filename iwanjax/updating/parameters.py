@@ -125,7 +125,7 @@ class Chart(eqx.Module):
                 values[i] = self.lower[i] + jnp.exp(each)
             elif self.transforms[i] == "logit":
                 values[i] = self.lower[i] + (self.upper[i] - self.lower[i]) * jax.nn.sigmoid(each)
-        return jnp.stack(values)
+        return jnp.stack(values) if values else self.value
 
     def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
         """Free variables of parameter values, those on a bound pulled a hair inside."""
@@ -139,7 +139,7 @@ class Chart(eqx.Module):
                 share = (theta[i] - self.lower[i]) / (self.upper[i] - self.lower[i])
                 share = jnp.clip(share, _INSIDE, 1.0 - _INSIDE)
                 z[-1] = jnp.log(share / (1.0 - share))
-        return jnp.stack(z)
+        return jnp.stack(z) if z else jnp.zeros(0)
 
 
 def replaced(

@@ -200,6 +200,7 @@ def structural_parameters(
         For groups that name unknown joints, joints twice, or joints of different type; for
         modes that do not exist or do not match the curves.
     """
+    structure.require_joints("fit")
     found = {}
     for name, labels in _owners(structure, groups).items():
         found |= joint_parameters(name, structure.joints[labels[0]])
@@ -258,7 +259,8 @@ def structural_problem(
     which = modes_of(structure, curves, modes)
     refuse_undamped(parameters[-len(which) :])
     measured = Measured.of(curves, _factors(structure, curves, which, sensors))
-    check_free(parameters, measured)
+    if structure.labels:
+        check_free(parameters, measured)
     omega2 = np.asarray(structure.basis.omega2)[list(which)]
     q = [np.asarray(measured.q[part]) for part in measured.slices]
     pairs = [np.unique(x, return_inverse=True) for x in q]
@@ -291,7 +293,6 @@ def _owners(
     structure: JointedStructure, groups: Mapping[str, Sequence[str]] | None
 ) -> dict[str, tuple[str, ...]]:
     """Joints by group, those without one on their own."""
-    structure.require_joints("fit")
     grouped = {name: tuple(labels) for name, labels in (groups or {}).items()}
     seen: list[str] = []
     for name, labels in grouped.items():

@@ -234,3 +234,24 @@ def test_the_command_writes_pictures_and_a_page_of_both(written):
     )
     page = (out / "report.html").read_text()
     assert all(f"{mode}: what it rests on" in page for mode in MODES)
+
+
+def test_a_joint_left_out_of_a_linear_mode_is_found():
+    """Its damping rises sixfold; a slider alone leaves a third of it."""
+    curves = measured(FORCES["none"], -60.0, 1)
+    damping = np.asarray(curves[0].damping)
+    assert damping.max() > 4.5 * damping.min()
+    tried = ("coulomb_friction", "iwan_joint")
+    found = ij.diagnose_curves("linear_spring", curves[:3], curves[3:], hypotheses=tried)
+    first = found.what[0]
+    assert first.kind.name == "iwan_joint"
+    assert first.probability > 0.9
+    values = {each.info.name: each for each in first.parameters}
+    for name in ("F_S", "K_T", "chi", "beta"):
+        assert abs(values[name].value - getattr(TRUTH, name)) < 3.0 * values[name].std
+    # The modal mass is one: a force is an acceleration there.
+    assert values["F_S"].info.dimension == "m/s^2"
+    assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
+    assert found.before.hold_out > 0.5
+    slider = next(each for each in found.what if each.kind.name == "coulomb_friction")
+    assert slider.log_evidence < -100.0

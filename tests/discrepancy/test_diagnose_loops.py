@@ -128,6 +128,23 @@ def test_a_correction_that_diverges_beyond_what_was_fitted_is_refused():
     assert "refused" in told.statement()
 
 
+def test_a_joint_left_out_beside_a_spring_is_found():
+    """The loops of an Iwan joint, taken for those of a spring: no single force makes them."""
+    several = loops("none")
+    tried = ("coulomb_friction", "iwan_joint")
+    told = ij.diagnose_loops(
+        ij.LinearSpring(0.5 * K_T), several[:2], several[2], name="J1", hypotheses=tried
+    )
+    first = told.what[0]
+    assert (first.kind.name, first.where) == ("iwan_joint", "J1")
+    assert first.probability > 0.9
+    values = {each.info.name: each for each in first.parameters}
+    # A spring beside it is free: the joint's own stiffness is what slips of both.
+    assert values["F_S"].value == pytest.approx(10.0, rel=0.05)
+    assert values["K_T"].value == pytest.approx(K_T, rel=0.05)
+    assert told.after.hold_out < 1.2 * told.noise_floor.hold_out < 0.1 * told.before.hold_out
+
+
 def test_which_forces_loops_without_time_show():
     d = np.asarray(driven(loops("none"), (1.0, 1.0, 1.0), 2, True).d)
     slow = {

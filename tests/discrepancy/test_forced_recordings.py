@@ -132,7 +132,6 @@ def test_a_linear_model_misses_nothing_in_linear_recordings():
     found = diagnosed(
         ij.JointedStructure(linear(), {}),
         transients(UNEQUAL, cubic=0.0),
-        hypotheses=("cubic_stiffness", "quadratic_damping"),
     )
     assert not found.detected
     assert found.after.hold_out < 1.5 * found.noise_floor.hold_out
