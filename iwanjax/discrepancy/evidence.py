@@ -70,7 +70,7 @@ def log_evidence(
     return -np.asarray(costs) / (2.0 * temperature * tau) - spent
 
 
-def covariance(search: Search, fitted: Fitted) -> np.ndarray:
+def covariance(search: Search, fitted: Fitted, own_error: bool = True) -> np.ndarray:
     r"""Of what was free in a fit, (free, free), by the residual's own size.
 
     .. math:: C = (J^T J / s + P)^{-1} + \frac{R-1}{R} \sum_r \delta_r \delta_r^T,
@@ -79,8 +79,8 @@ def covariance(search: Search, fitted: Fitted) -> np.ndarray:
     fewer. What exceeds the noise is the model's own error: it goes a few ways only (:func:`scale`),
     less those that the fit has taken up, and it pulls recordings of different amplitude different
     ways: :math:`\delta_r` is what the values change by when recording r of R is left out (the
-    jackknife, linearised). Where nothing exceeds the noise there is no such term. NaN where the
-    model broke down.
+    jackknife, linearised). Where nothing exceeds the noise, and without ``own_error``, there
+    is no such term. NaN where the model broke down.
     """
     if not np.all(np.isfinite(fitted.normal)):
         return np.full_like(fitted.normal, np.nan)
@@ -88,10 +88,11 @@ def covariance(search: Search, fitted: Fitted) -> np.ndarray:
     white = table.temperature * table.tau
     error = float(fitted.misfit.sum()) - (1.0 - UNSURE) * left_by_noise(search)
     taken = len(free_values(search, fitted.hypothesis))
-    unit = max(white, 1.0 + error / max(1, _ways(search) - taken))
+    unit = max(white, 1.0 + own_error * error / max(1, _ways(search) - taken))
     found = np.linalg.pinv((fitted.normal - prior) / unit + prior)
     R = len(fitted.parts)
-    if error <= 0.0 or R < 2:
+    # Where a joint drifts each recording has values of its own, which go with it.
+    if not own_error or error <= 0.0 or R < 2 or fitted.hypothesis.drifting is not None:
         return found
     weighed = fitted.parts.sum(axis=0) + white * prior
     left_out = zip(fitted.parts, fitted.scores, strict=True)

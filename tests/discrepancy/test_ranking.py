@@ -33,6 +33,7 @@ def entry(cost: float, *parts: str, cycles: float = MIDDLE) -> Entry:
         where=tuple(where for _, where in pairs),
         variant=frozenset(parts),
         label=" + ".join(parts),
+        drifting=None,
         sizes=(bool(pairs),),
         shapes=(False,),
     )
