@@ -185,7 +185,14 @@ def estimates_of(fit: Explained) -> tuple[Estimate, ...]:
 
 
 def determined(fit: Explained) -> bool:
-    """Whether a force's size is known to be other than zero, by two deviations."""
+    """Whether a force's size is known to be other than zero, by two deviations.
+
+    Of a joint left out either strength or stiffness: the one is not known where it only sticks,
+    the other where it only slips.
+    """
+    if isinstance(fit.force, Added):
+        values, std = fit.added()
+        return bool(np.any(values[:2] > SURE * std[:2]))
     return abs(float(fit.theta[-1])) > SURE * fit.deviations().at_shape
 
 

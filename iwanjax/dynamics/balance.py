@@ -86,9 +86,8 @@ class Joints(eqx.Module):
             bool(jax.tree.leaves(group.init())) and not group.rate_dependent
             for group in self.groups
         ]
-        return self._merged(
-            [jnp.full(len(p), kind) for kind, p in zip(kinds, self.order, strict=True)]
-        )
+        kinds = [jnp.full(len(p), kind) for kind, p in zip(kinds, self.order, strict=True)]
+        return self._merged(kinds) if kinds else jnp.zeros(0, bool)
 
     def energy(self, d: Array, states: tuple[Any, ...]) -> Array:
         """Energy stored in each joint, (joints,)."""
@@ -227,6 +226,8 @@ def _balance_jvp(primals: Any, tangents: Any) -> tuple[Array, Array]:
 
 def solved(end: StepEnd, reaction: Reaction, right: Array) -> Array:
     """Solve with the residual's derivative, I - diag(K_ref - K) G + diag(C) H."""
+    if not right.shape[0]:
+        return right
     softer = (end.stiffness - reaction.stiffness)[:, None] * end.G
     J = jnp.eye(right.shape[0]) - softer + reaction.damping[:, None] * end.H
     m = right.shape[0]
