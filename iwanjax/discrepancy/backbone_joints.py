@@ -26,7 +26,7 @@ from iwanjax.updating.problem import AbstractProblem, Measured, Reference
 
 # Starts of a search, those of them that are run, and the strengths of the joint left out to begin
 # with, over what the curves' fall of frequency alone would ask for.
-_STARTS, _RUNS, _STRENGTHS = 16, 4, (1.0, 0.1)
+_STARTS, _RUNS, _STRENGTHS = 16, 8, (1.0, 0.1)
 
 
 class WithJoint(AbstractProblem):

@@ -10,7 +10,7 @@ import numpy as np
 
 from iwanjax.discrepancy import competition
 from iwanjax.discrepancy.catalogue import ForceKind, kinds_of
-from iwanjax.discrepancy.final import compared
+from iwanjax.discrepancy.final import Runs, compared
 from iwanjax.discrepancy.held_out import Free, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.discrepancy.late import attempted
@@ -34,6 +34,8 @@ from iwanjax.types import ArrayLike, require_double_precision
 
 # Error over the noise's from which on something is left unexplained.
 _UNEXPLAINED = 1.25
+# Probability of something else from which on that is what a report says.
+_LIKELY = 0.05
 # The same over held-out recordings, where parameters count with so many deviations.
 _UNFORESEEN, _DEVIATIONS = 1.5, 2.0
 # Evidences closer than this cannot be told apart.
@@ -158,8 +160,9 @@ def diagnose(
     verdict = judged(
         table.nominal.behind + LEAST_GAIN,
         [entry.behind for entry in table.entries],
-        _misfit(before),
-        _misfit(after),
+        # Noise is of the recordings: the model that fits them best knows what it leaves.
+        _misfit(before, min(before, after, key=lambda run: run[0].relative)),
+        _misfit(after, after),
     )
     what = _suspects(table, verdict.named) if table.detected and verdict.detected else []
     after = after if what else before
@@ -222,14 +225,19 @@ def diagnose(
     )
 
 
-def _misfit(run: tuple[Free, Free | None]) -> Misfit:
-    """Errors over what noise, an error that a right model may have, and open parameters leave."""
-    fitted, held_out = run
-    of_fit = fitted.relative / math.hypot(fitted.floor, MODEL_ERROR)
-    if held_out is None:
+def _misfit(run: Runs, best: Runs) -> Misfit:
+    """Errors over what noise, an error that a right model may have, and open parameters leave.
+
+    Noise by the model that fits best; one in which it grows beyond the signal predicts nothing.
+    """
+    (fitted, held_out), (noise, noise_held_out) = run, best
+    allowed = math.hypot(noise.floor, MODEL_ERROR)
+    of_fit = fitted.relative / allowed if noise.floor < 1.0 else math.inf
+    if held_out is None or noise_held_out is None:
         return Misfit(of_fit, math.nan)
-    foreseen = math.hypot(held_out.floor_95, _DEVIATIONS * held_out.spread, MODEL_ERROR)
-    return Misfit(of_fit, held_out.relative / foreseen)
+    spread = _DEVIATIONS * held_out.spread if best is run else 0.0
+    foreseen = math.hypot(noise_held_out.floor_95, spread, MODEL_ERROR)
+    return Misfit(of_fit, held_out.relative / foreseen if foreseen < 1.0 else math.inf)
 
 
 def _polished(
@@ -249,17 +257,18 @@ def _polished(
 
 def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
     """What to think of a residual that stays well above the noise."""
-    ratio = fitted.relative / fitted.floor
+    ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
     if ratio < _UNEXPLAINED:
         return []
-    if detected:
-        advice = "so something else is missing as well, or what is missing is only like this"
-    else:
-        advice = "but nothing that was tried explains it"
-    return [
-        f"The fitted recordings are still {ratio:.2g} times the noise off, {advice} "
-        f"(probability {unknown:.2f})"
-    ]
+    told = f"The fitted recordings are still {ratio:.2g} times the noise off"
+    if not detected:
+        return [f"{told}, but nothing that was tried explains it (probability {unknown:.2f})"]
+    if unknown > _LIKELY:
+        return [
+            f"{told}, so something else is missing as well, or what is missing is only like this "
+            f"(probability {unknown:.2f})"
+        ]
+    return [f"{told}: the rest of the model is not exact, or something small is missing as well"]
 
 
 def _unforeseen(held_out: Free) -> list[str]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from iwanjax.discrepancy.catalogue import ForceKind, ModeKind
 from iwanjax.discrepancy.evidence import log_evidence
-from iwanjax.discrepancy.left_out import Added
+from iwanjax.discrepancy.left_out import Added, WithAdded
 from iwanjax.discrepancy.ranking import LEAST_GAIN
 from iwanjax.discrepancy.rounds import INDULGENCE
 from iwanjax.discrepancy.suspicion import SURE, Estimate
@@ -191,7 +191,7 @@ def determined(fit: Explained) -> bool:
     the other where it only slips.
     """
     if isinstance(fit.force, Added):
-        values, std = fit.added()
+        values, std = cast(WithAdded, fit).added()
         return bool(np.any(values[:2] > SURE * std[:2]))
     return abs(float(fit.theta[-1])) > SURE * fit.deviations().at_shape
 

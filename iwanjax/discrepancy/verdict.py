@@ -268,6 +268,8 @@ class Diagnosis:
     def _floor(self) -> str:
         """What noise leaves, and what it seldom exceeds, where that is much more."""
         usual, high = self._of(self.noise_floor), self._of(self.noise_floor_95)
+        if not usual < 1.0:
+            return "more than the signal, in a model that amplifies it without bound"
         often = f", in one case of twenty {share(high)}" if high > _OFTEN * usual else ""
         return share(usual) + often
 

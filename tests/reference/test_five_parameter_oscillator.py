@@ -55,7 +55,8 @@ def test_peak_after_the_impact(method):
 class OnThesisGrid(ij.Iwan5):
     """The same element on the grid of the text: 500 midpoints, intervals growing by 1.05 (4.13)."""
 
-    def discrete(self, sliders=500):
+    def discrete(self, sliders=None):
+        sliders = 500 if sliders is None else sliders
         lengths = 1.05 ** np.arange(sliders - 1)
         b = 6e-4 * np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
         n = -0.6 + 1.0

@@ -5,6 +5,7 @@ The decays come from many sliders in small steps, a signed flag for each (ACCEPT
 """
 
 from functools import cache
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -107,7 +108,10 @@ def test_many_sliders_ring_down_as_the_oscillator_says(level, theta):
     below, above = q < 0.85 * step, q > 1.15 * step
     assert np.sum(below) > 20
     # Four deviations of the measurement itself, and what the forms leave.
-    noise, noise_f = 4.0 * np.asarray(curves.damping_std) / zeta, 4.0 * curves.frequency_std / f
+    noise, noise_f = (
+        4.0 * np.asarray(curves.damping_std) / zeta,
+        4.0 * np.asarray(curves.frequency_std) / f,
+    )
     for where, share, share_f in ((below, 2e-3, 2e-6), (above, 0.01, 2e-5)):
         assert np.all(np.abs(off[where]) < share + noise[where])
         assert np.all(np.abs(off_f[where]) < share_f + np.asarray(noise_f)[where])
@@ -163,7 +167,8 @@ def test_a_decay_below_half_of_one_plus_theta_of_its_largest_amplitude_does_not_
     assert "theta is not determined: it shows only above (1 + theta)/2 of the largest" in told
     assert f"of {LEVELS} levels lie" in told
     # What is known is R-bar (4.47), and that within a few per cent.
-    assert float(found.model.joint.R_bar) == pytest.approx(float(joint(0.5).R_bar), rel=0.03)
+    element: Any = found.model
+    assert float(element.joint.R_bar) == pytest.approx(float(joint(0.5).R_bar), rel=0.03)
 
 
 def test_curves_carry_their_largest_amplitude():
@@ -173,7 +178,7 @@ def test_curves_carry_their_largest_amplitude():
     velocity = curves.as_quantity("velocity")
     omega = 2.0 * np.pi * np.asarray(curves.frequency)[np.argmax(curves.amplitude)]
     assert float(velocity.largest) == pytest.approx(omega * float(curves.largest), rel=1e-12)
-    assert float(velocity.scaled(3.0, "x").largest) == pytest.approx(3.0 * velocity.largest)
+    assert float(velocity.scaled(3.0, "x").largest) == pytest.approx(3.0 * float(velocity.largest))
     hits = [curves, curves.scaled(0.5, "displacement")]
     merged = ij.merge_curves(hits)
     assert float(merged.curves.largest) == float(curves.largest)
