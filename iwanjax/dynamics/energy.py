@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from iwanjax.dynamics.coordinates import ModalCoordinates
-from iwanjax.dynamics.stepping import Motion, Stepper
+from iwanjax.dynamics.stepping import ModalMotion, Stepper
 
 # From this squared angle (omega dt)^2 on a mode's mean follows from its equation of motion without
 # loss of digits; below, that of the cubic between both ends is as exact.
@@ -52,7 +52,11 @@ class Energies(NamedTuple):
 
 
 def exchanged(
-    by: Stepper, before: Motion, after: Motion, f: tuple[Array, Array], g: tuple[Array, Array]
+    by: Stepper,
+    before: ModalMotion,
+    after: ModalMotion,
+    f: tuple[Array, Array],
+    g: tuple[Array, Array],
 ) -> tuple[Array, Array, Array]:
     """Over a step: work of the external forces, loss by damping, work on the joints.
 
@@ -60,7 +64,7 @@ def exchanged(
     ----------
     by : Stepper
         What made the step.
-    before, after : Motion
+    before, after : ModalMotion
         At its ends.
     f, g : pair of arrays
         External and pseudo-forces at its ends.

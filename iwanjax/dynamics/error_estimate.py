@@ -26,7 +26,7 @@ from jaxtyping import Array, Bool
 
 from iwanjax.dynamics.balance import StepEnd, solved
 from iwanjax.dynamics.coordinates import ModalCoordinates
-from iwanjax.dynamics.stepping import Motion, Stepper
+from iwanjax.dynamics.stepping import ModalMotion, Stepper
 from iwanjax.joints import Reaction
 from iwanjax.types import is_traced
 
@@ -52,7 +52,7 @@ class ErrorState(NamedTuple):
 
     Attributes
     ----------
-    motion : Motion
+    motion : ModalMotion
         Of the modes.
     g, d : (joints,) array
         Of the pseudo-forces and of the deflections.
@@ -70,7 +70,7 @@ class ErrorState(NamedTuple):
         Squared error and size of the elastic modes' displacements, then of their velocities.
     """
 
-    motion: Motion
+    motion: ModalMotion
     g: Array
     d: Array
     offset: Array
@@ -86,7 +86,7 @@ class Step(NamedTuple):
 
     Attributes
     ----------
-    before, after : Motion
+    before, after : ModalMotion
         At its ends.
     rates : pair of (joints,) arrays
         Of the joints at its ends.
@@ -100,8 +100,8 @@ class Step(NamedTuple):
         1, or 0 for a step behind the last sample.
     """
 
-    before: Motion
-    after: Motion
+    before: ModalMotion
+    after: ModalMotion
     rates: tuple[Array, Array]
     g: tuple[Array, Array, Array]
     end: StepEnd
@@ -135,7 +135,7 @@ class Estimator(eqx.Module):
         still, none = jnp.zeros_like(modal.omega2), jnp.zeros_like(modal.stiffness)
         pair = (still, still)
         return ErrorState(
-            Motion(*pair, None if self.grouped.average is None else pair),
+            ModalMotion(*pair, None if self.grouped.average is None else pair),
             none,
             none,
             none,

@@ -13,7 +13,7 @@ from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.dynamics.energy import accounts, exchanged, held, work_on_joints
 from iwanjax.dynamics.error_estimate import ErrorState, Estimator, Step, relative_error
 from iwanjax.dynamics.propagator import Method
-from iwanjax.dynamics.stepping import Motion, Stepper, stepper
+from iwanjax.dynamics.stepping import ModalMotion, Stepper, stepper
 from iwanjax.joints import AbstractJoint
 
 Quantity: TypeAlias = Literal[
@@ -82,7 +82,7 @@ class Run(NamedTuple):
 class _Point(NamedTuple):
     """State of the integration at a sample."""
 
-    motion: Motion
+    motion: ModalMotion
     f: Array
     d: Array
     rate: Array
@@ -270,5 +270,5 @@ def _first(
         _AT_ONCE * by.dt,
     )
     g = balance(jnp.zeros(m, q.dtype), end)
-    motion, (d, rate) = Motion(q, v, correction), end.ends(g)
+    motion, (d, rate) = ModalMotion(q, v, correction), end.ends(g)
     return _Point(motion, f, d, rate, g, g, end.react(g).state, jnp.zeros(4, q.dtype), error)

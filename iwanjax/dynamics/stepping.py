@@ -33,7 +33,7 @@ Any number below pi is stable; at 2 the sum above is within a factor of 1.56 of 
 """
 
 
-class Motion(NamedTuple):
+class ModalMotion(NamedTuple):
     """Modal displacements and velocities.
 
     Attributes
@@ -76,7 +76,7 @@ class Stepper(eqx.Module):
         For pseudo-forces in fast modes; None where there are none.
     fast : (modes,) bool array
         Which those are.
-    unit : Motion
+    unit : ModalMotion
         What a unit of each pseudo-force at the end of the step adds, (modes, joints).
     G, H : (joints, joints) array
         The same of the joints' deflections and rates.
@@ -88,34 +88,34 @@ class Stepper(eqx.Module):
     linear: Propagator
     average: Propagator | None
     fast: Bool[Array, " modes"]
-    unit: Motion
+    unit: ModalMotion
     G: Array
     H: Array
 
-    def free(self, at: Motion, f_0: Array, f_1: Array, g_0: Array) -> Motion:
+    def free(self, at: ModalMotion, f_0: Array, f_1: Array, g_0: Array) -> ModalMotion:
         """The end of the step without pseudo-forces at its end."""
         p_0 = self.modal.W @ f_0 + self.slow(g_0)
         q, v = self.linear.free(at.q, at.v, p_0, self.modal.W @ f_1)
-        return Motion(q, v, self.corrected(at, g_0))
+        return ModalMotion(q, v, self.corrected(at, g_0))
 
-    def corrected(self, at: Motion, g_0: Array) -> tuple[Array, Array] | None:
+    def corrected(self, at: ModalMotion, g_0: Array) -> tuple[Array, Array] | None:
         """The corrections at the end of the step without pseudo-forces at its end."""
         if self.average is None or at.correction is None:
             return None
         return self.average.first(*at.correction, self.quick(g_0))
 
-    def free_of(self, at: Motion, g_0: Array, g_1: Array) -> Motion:
+    def free_of(self, at: ModalMotion, g_0: Array, g_1: Array) -> ModalMotion:
         """The end of a step under pseudo-forces alone, those at its end in slow modes only."""
         q, v = self.linear.free(at.q, at.v, self.slow(g_0), self.slow(g_1))
-        return Motion(q, v, self.corrected(at, g_0))
+        return ModalMotion(q, v, self.corrected(at, g_0))
 
-    def pushed(self, free: Motion, g: Array) -> Motion:
+    def pushed(self, free: ModalMotion, g: Array) -> ModalMotion:
         """The end of the step with pseudo-forces g there."""
         q, v = free.q + self.unit.q @ g, free.v + self.unit.v @ g
         if free.correction is None or self.unit.correction is None:
-            return Motion(q, v, None)
+            return ModalMotion(q, v, None)
         (w, rate), (by, rate_by) = free.correction, self.unit.correction
-        return Motion(q, v, (w + by @ g, rate + rate_by @ g))
+        return ModalMotion(q, v, (w + by @ g, rate + rate_by @ g))
 
     def slow(self, g: Array) -> Array:
         """Modal forces of g in the modes that follow them by the exact rule."""
@@ -152,7 +152,7 @@ def stepper(modal: ModalCoordinates, dt: Array, method: Method, split: bool) -> 
     P = modal.P.T
     q, v = linear.last(jnp.where(fast[:, None], 0.0, P) if split else P)
     correction = average.last(jnp.where(fast[:, None], P, 0.0)) if average is not None else None
-    unit = Motion(q, v, correction)
+    unit = ModalMotion(q, v, correction)
     return Stepper(
         modal,
         dt,
