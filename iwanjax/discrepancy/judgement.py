@@ -16,9 +16,9 @@ VerdictName = Literal["nothing_missing", "something_missing", "undecided"]
 _HALF, _ROUNDING = 0.5, 1e-9
 # Share of a misfit at which a law is as likely a neighbour of the truth as the truth itself. Over
 # Gaussian motion the best |v|v leaves 0.31 of v^3, 0.16 with a damper beside it, and a damper alone
-# 0.39 of |v|v; a cubic spring in a circuit whose damping is known to 3 % leaves 0.07 (Silverbox).
-# Half of it takes that for unknown, double of it drag for cubic damping. The sharpness makes odds
-# of 4 to 1 against the neighbour and for the spring.
+# 0.39 of |v|v; a cubic spring in a circuit whose damping is known to 3 % leaves 0.06 of what is
+# held out and 0.10 of what is fitted (Silverbox), right at the bound. Half of it takes that for
+# unknown, double of it drag for cubic damping. The sharpness is a choice that no data made.
 _NEIGHBOUR, _SHARPNESS = 0.1, 4
 
 
