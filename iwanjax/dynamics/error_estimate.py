@@ -30,6 +30,7 @@ from iwanjax.dynamics.stepping import ModalMotion, Stepper
 from iwanjax.joints import Reaction
 from iwanjax.types import is_traced
 
+# Steps of a simulation for one of its error, where they are short.
 _GROUP = 4
 # As long as that longer step resolves every mode that joints move: omega dt below this angle, rad.
 # Beyond, an error would be missed that comes and goes within a period.
