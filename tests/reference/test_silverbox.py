@@ -84,6 +84,7 @@ def told(reference_data, tmp_path_factory):
 def test_the_cubic_spring_is_found_and_predicts_the_arrow(told):
     verdict, k = told
     assert verdict["failures"] == []
+    assert verdict["verdict"] == "something_missing"
     first = verdict["what"][0]
     assert (first["kind"], first["where"]) == ("cubic_stiffness", "mass")
     # k3 over k, 1/V^2: a fit by half kicks in plain loops says 3.90.
