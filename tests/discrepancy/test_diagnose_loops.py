@@ -1,12 +1,12 @@
 """What a joint lacks, by its loops: from sliders of a code of their own."""
 
-import itertools
 import json
 import re
 
 import numpy as np
 import pytest
-from concealed.physics import slider_bank
+from concealed.steady import CUBIC, K_T, LEVELS, PHI, QUARTER, SLIP, STIFFNESS, path, stretched
+from concealed.steady import LOOP_FORCES as FORCES
 from typer.testing import CliRunner
 
 import iwanjax as ij
@@ -15,38 +15,8 @@ from iwanjax.discrepancy import CATALOGUE
 from iwanjax.discrepancy.loops import driven, quasi_static
 from iwanjax.errors import InputError
 
-K_T = 1.0
-SLIP, STIFFNESS = slider_bank(*map(np.asarray, (10.0, K_T, -0.5, 5.0)))
-PHI = SLIP[-1]
-CUBIC = 0.05 * K_T / PHI**2
 GUESS = ij.Iwan4(F_S=7.0, K_T=1.2, chi=-0.3, beta=3.0)
 TRIED = ("stiffness_error", "cubic_stiffness", "coulomb_friction", "viscous_damping")
-# Amplitudes of the loops over phi_max, the last one held out; values of a quarter of a loop.
-LEVELS, QUARTER = ((0.3, 0.7), (1.1,), (0.15, 0.5, 1.3)), 40
-
-
-def stretched(d, slip, stiffness):
-    """Force of sliders along a history, by their own rule."""
-    stretch, last, force = np.zeros_like(slip), 0.0, []
-    for now in d:
-        stretch, last = np.clip(stretch + now - last, -slip, slip), now
-        force.append(stretch @ stiffness)
-    return np.array(force)
-
-
-FORCES = {
-    "none": lambda d: 0.0 * d,
-    "cubic_stiffness": lambda d: CUBIC * d**3,
-    "coulomb_friction": lambda d: stretched(d, np.array([0.1 * PHI]), np.array([0.2 * K_T])),
-}
-
-
-def path(levels):
-    """From rest through two loops of each level, back to where the last one was left."""
-    turns = [0.0, *(side * PHI * a for a in levels for side in (1.0, -1.0, 1.0, -1.0))]
-    turns.append(turns[-2])
-    parts = [np.linspace(*ends, 2 * QUARTER + 1)[1:] for ends in itertools.pairwise(turns)]
-    return np.concatenate([[0.0], *parts])
 
 
 def loops(name, steady=False):
