@@ -56,9 +56,9 @@ if TYPE_CHECKING:
         compare_modes,
         diagnose,
     )
-    from iwanjax.discrepancy.diagnose_curves import diagnose_curves
-    from iwanjax.discrepancy.diagnose_loops import diagnose_loops
-    from iwanjax.discrepancy.diagnose_modes import diagnose_modes
+    from iwanjax.discrepancy.steady.diagnose_curves import diagnose_curves
+    from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
+    from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes
     from iwanjax.dynamics import (
         Energies,
         HarmonicResponse,
@@ -149,9 +149,9 @@ _LATER = {
     "Diagnosis": "iwanjax.discrepancy",
     "ModeComparison": "iwanjax.discrepancy",
     "diagnose": "iwanjax.discrepancy",
-    "diagnose_curves": "iwanjax.discrepancy.diagnose_curves",
-    "diagnose_loops": "iwanjax.discrepancy.diagnose_loops",
-    "diagnose_modes": "iwanjax.discrepancy.diagnose_modes",
+    "diagnose_curves": "iwanjax.discrepancy.steady.diagnose_curves",
+    "diagnose_loops": "iwanjax.discrepancy.steady.diagnose_loops",
+    "diagnose_modes": "iwanjax.discrepancy.steady.diagnose_modes",
     "compare_modes": "iwanjax.discrepancy",
     "Energies": "iwanjax.dynamics",
     "HarmonicResponse": "iwanjax.dynamics",

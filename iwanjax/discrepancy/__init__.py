@@ -6,7 +6,8 @@
 optimisers, which pictures of a diagnosis do not need.
 """
 
-from iwanjax.discrepancy.catalogue import (
+from iwanjax.discrepancy.diagnosis import Diagnosis, Suspect
+from iwanjax.discrepancy.effects import (
     CATALOGUE,
     ForceKind,
     JointKind,
@@ -14,12 +15,11 @@ from iwanjax.discrepancy.catalogue import (
     SensorKind,
     register_kind,
 )
-from iwanjax.discrepancy.curve_run import CurveRun, ModesRun
-from iwanjax.discrepancy.diagnose import diagnose
-from iwanjax.discrepancy.loop_run import LoopRun
-from iwanjax.discrepancy.measured import Transient
-from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes
-from iwanjax.discrepancy.verdict import Diagnosis, Suspect
+from iwanjax.discrepancy.histories.diagnose import diagnose
+from iwanjax.discrepancy.histories.recordings import Transient
+from iwanjax.discrepancy.steady.curve_run import CurveRun, ModesRun
+from iwanjax.discrepancy.steady.loop_run import LoopRun
+from iwanjax.discrepancy.steady.single_mode import ModeComparison, compare_modes
 
 __all__ = [
     "CATALOGUE",

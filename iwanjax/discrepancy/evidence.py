@@ -1,65 +1,17 @@
-"""How much more likely the data are with a suspect than without."""
+"""Evidence of fits, and the probability that the truth is not among what was tried."""
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.band import OF_NOISE
-from iwanjax.discrepancy.catalogue import JointKind
-from iwanjax.discrepancy.fitting import Fitted
-from iwanjax.discrepancy.residuals import correlation_time
-from iwanjax.discrepancy.search import Search, free_values
-
-# No model is trusted to explain its residual better than this share of the noise's variance.
-_LEAST_TEMPERATURE = 0.3
-UNSURE = 0.05
-"""Share of the noise's square that some hundred samples before the triggers leave open."""
 # Logistic regression of wrong verdicts on the logarithm of what a fit leaves beyond the noise,
 # over 52 outcomes of the 48 concealed cases of development, 7 of them wrong: as likely wrong as
 # right where the residual is 1.6 times the noise.
 _AS_LIKELY, _POWER = 0.6, 1.8
+
 AS_LIKELY_WRONG = 1.0 + _AS_LIKELY
 """Error over the noise's at which a model is as likely wrong as right."""
-
-
-class Evidence(NamedTuple):
-    r"""Log evidences :math:`-S/(2T\tau) - \frac{k}{2}\ln(N/\tau)` of fits to the same data.
-
-    Attributes
-    ----------
-    values : (fits,) array
-        Of each.
-    temperature : float
-        Squared residual of the best over the number N of values.
-    tau : float
-        Its correlation time in samples.
-    """
-
-    values: np.ndarray
-    temperature: float
-    tau: float
-
-    def worth(self, fitted: Fitted) -> float:
-        """Evidence that the whole residual of a fit stands for."""
-        return fitted.cost / (2.0 * self.temperature * self.tau)
-
-    def at(self, search: Search, fits: Sequence[Fitted], temperature: float) -> "Evidence":
-        """The same fits at another temperature."""
-        costs, known = zip(*((each.cost, unknowns(each)) for each in fits), strict=True)
-        count = values_measured(search)
-        values = log_evidence(costs, known, count, temperature, self.tau)
-        return Evidence(values, temperature, self.tau)
-
-
-def evidence(search: Search, fits: Sequence[Fitted]) -> Evidence:
-    """Of fits with the same memory, all at the temperature and correlation of the best."""
-    best = min(fits, key=lambda each: each.cost)
-    count = values_measured(search)
-    temperature = max(_LEAST_TEMPERATURE, float(best.misfit.sum()) / count)
-    tau = correlation_time(best.residual)
-    return Evidence(np.zeros(0), temperature, tau).at(search, fits, temperature)
 
 
 def log_evidence(
@@ -68,84 +20,6 @@ def log_evidence(
     """Of fits by what they leave of so many values, and by how many they have adjusted."""
     spent = 0.5 * np.asarray(unknowns) * math.log(count / tau)
     return -np.asarray(costs) / (2.0 * temperature * tau) - spent
-
-
-def covariance(search: Search, fitted: Fitted, own_error: bool = True) -> np.ndarray:
-    r"""Of what was free in a fit, (free, free), by the residual's own size.
-
-    .. math:: C = (J^T J / s + P)^{-1} + \frac{R-1}{R} \sum_r \delta_r \delta_r^T,
-
-    with the prior's precision P. Residuals that are correlated over some samples count as so many
-    fewer. What exceeds the noise is the model's own error: it goes a few ways only (:func:`scale`),
-    less those that the fit has taken up, and it pulls recordings of different amplitude different
-    ways: :math:`\delta_r` is what the values change by when recording r of R is left out (the
-    jackknife, linearised). Where nothing exceeds the noise, and without ``own_error``, there
-    is no such term. NaN where the model broke down.
-    """
-    if not np.all(np.isfinite(fitted.normal)):
-        return np.full_like(fitted.normal, np.nan)
-    table, prior = evidence(search, [fitted]), np.diag(fitted.precision)
-    white = table.temperature * table.tau
-    error = float(fitted.misfit.sum()) - (1.0 - UNSURE) * left_by_noise(search)
-    taken = len(free_values(search, fitted.hypothesis))
-    unit = max(white, 1.0 + own_error * error / max(1, _ways(search) - taken))
-    found = np.linalg.pinv((fitted.normal - prior) / unit + prior)
-    R = len(fitted.parts)
-    # Where a joint drifts each recording has values of its own, which go with it.
-    if not own_error or error <= 0.0 or R < 2 or fitted.hypothesis.drifting is not None:
-        return found
-    weighed = fitted.parts.sum(axis=0) + white * prior
-    left_out = zip(fitted.parts, fitted.scores, strict=True)
-    change = np.stack([np.linalg.pinv(weighed - part) @ score for part, score in left_out])
-    change -= change.mean(axis=0)
-    return found + (R - 1) / R * change.T @ change
-
-
-def values_measured(search: Search) -> int:
-    """Number of samples that a residual is taken of."""
-    return int(np.count_nonzero(np.asarray(search.data.weight)))
-
-
-def left_by_noise(search: Search) -> float:
-    """Squared residual that the sensors' noise alone leaves.
-
-    Weights allow for errors of the model too, so that it is less than the number of samples.
-    """
-    weight = np.asarray(search.data.weight)
-    return float(np.sum((OF_NOISE * search.noise * weight) ** 2))
-
-
-def scale(search: Search, fitted: Fitted, unsure: float = 0.0) -> float:
-    """What differences of squares between rivals of a fit are to be divided by.
-
-    What exceeds the noise is the model's own error. It goes a few ways only, an amplitude and a
-    phase of each mode in each recording, and so speaks for or against any rival by chance, more
-    than white noise of that size would.
-
-    Parameters
-    ----------
-    search : Search
-        That it was fitted with.
-    fitted : Fitted
-        The best model.
-    unsure : float
-        Share of the noise's square that may be error of the model as well.
-    """
-    table = evidence(search, [fitted])
-    error = float(fitted.misfit.sum()) - (1.0 - unsure) * left_by_noise(search)
-    return max(table.temperature * table.tau, 1.0 + error / _ways(search))
-
-
-def _ways(search: Search) -> int:
-    """In how many an error of the model's own goes: amplitude and phase of modes in recordings."""
-    return 2 * search.predictor.kept * search.recordings
-
-
-def unknowns(fitted: Fitted) -> int:
-    """Number of values fitted beyond those of the joints as given."""
-    hypothesis = fitted.hypothesis
-    own = sum(hypothesis.sizes) + sum(hypothesis.shapes)
-    return own + sum(len(k.parameters) for k in hypothesis.kinds if isinstance(k, JointKind))
 
 
 def untried(ratio: float) -> float:
@@ -172,3 +46,31 @@ def shares(values: np.ndarray) -> np.ndarray:
     """Probabilities of log evidences."""
     weight = np.exp(values - np.max(values))
     return weight / weight.sum()
+
+
+INDULGENCE = 0.06
+"""Share of the squared residual that the model's own errors, of integration say, may be worth."""
+
+LEAST_GAIN = 12.0
+"""Something is missing when the evidence for it exceeds that for nothing by this: so much likelier
+is nothing before the data, as many suspects are tried and no model is free of errors."""
+
+
+def correlation_time(residual: np.ndarray) -> float:
+    """Of (recordings, N, sensors) in samples: one plus twice the sum of what is positive."""
+    largest = float(np.max(np.abs(residual)))
+    if not 0.0 < largest < math.inf:
+        return 1.0
+    # In units of the largest: a run that broke down would overflow.
+    flat = residual / largest
+    flat = flat - flat.mean(axis=1, keepdims=True)
+    size = 2 * flat.shape[1]
+    power = np.abs(np.fft.rfft(flat, size, axis=1)) ** 2
+    correlation = np.fft.irfft(power.sum(axis=(0, 2)))[: flat.shape[1] // 4]
+    # Of fewer than four values none is told.
+    if correlation.size == 0 or correlation[0] <= 0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    negative = np.flatnonzero(correlation <= 0)
+    until = negative[0] if negative.size else correlation.size
+    return float(1.0 + 2.0 * np.sum(correlation[1:until]))

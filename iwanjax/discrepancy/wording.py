@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterable, Mapping
 
-from iwanjax.discrepancy.catalogue import Kind
-from iwanjax.discrepancy.suspicion import Estimate
+from iwanjax.discrepancy.effects import Kind
+from iwanjax.discrepancy.estimate import Estimate
 
 # Of each kind: a noun, and a sentence with its place, where that is not "... is missing".
 _NOUNS: Mapping[str, str] = {

@@ -4,8 +4,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from iwanjax.discrepancy.held_out import Free
-from iwanjax.discrepancy.verdict import Diagnosis
+from iwanjax.discrepancy.diagnosis import Diagnosis
+from iwanjax.discrepancy.histories.validation import Free
 from iwanjax.errors import InputError
 from iwanjax.plotting.style import (
     DOUBLE_COLUMN,

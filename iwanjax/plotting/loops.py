@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from iwanjax.discrepancy.loop_run import LoopRun
-from iwanjax.discrepancy.verdict import Diagnosis
+from iwanjax.discrepancy.diagnosis import Diagnosis
+from iwanjax.discrepancy.steady.loop_run import LoopRun
 from iwanjax.errors import InputError
 from iwanjax.plotting.style import DOUBLE_COLUMN, GREY, PALETTE, paper_style, set_up, with_unit
 

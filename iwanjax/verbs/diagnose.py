@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from iwanjax.config import Study
 from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun, ModesRun
+from iwanjax.discrepancy.estimate import Estimate
+from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.judgement import together
-from iwanjax.discrepancy.late import attempted
-from iwanjax.discrepancy.suspicion import Estimate
 from iwanjax.plotting import (
     plot_diagnosis,
     plot_explained,

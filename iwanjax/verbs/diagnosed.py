@@ -10,10 +10,10 @@ import numpy as np
 from iwanjax.config import RecordingEntry, Study
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.discrepancy import Diagnosis, Transient, diagnose
-from iwanjax.discrepancy.companion import Companion
-from iwanjax.discrepancy.diagnose_curves import diagnose_curves
-from iwanjax.discrepancy.diagnose_loops import diagnose_loops
-from iwanjax.discrepancy.diagnose_modes import diagnose_modes, modes_parameters
+from iwanjax.discrepancy.steady.diagnose_curves import diagnose_curves
+from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
+from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
+from iwanjax.discrepancy.steady.interacting_modes import Companion
 from iwanjax.errors import InputError
 from iwanjax.signals import ForceLoop, Recording, read_loop
 from iwanjax.updating import modal_parameters

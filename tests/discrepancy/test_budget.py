@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_ranking import SEARCH, entry
 
-from iwanjax.discrepancy import competition
-from iwanjax.discrepancy.competition import Table
-from iwanjax.discrepancy.rounds import Grounds
+from iwanjax.discrepancy.histories import selection as competition
+from iwanjax.discrepancy.histories.ranking import Grounds
+from iwanjax.discrepancy.histories.selection import Table
 
 STAGES = ("_nominal", "screened", "_first", "again")
 

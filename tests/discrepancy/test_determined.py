@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy import suspicion
-from iwanjax.discrepancy.catalogue import CATALOGUE
-from iwanjax.discrepancy.one_joint import Deviations, Named, Standing
-from iwanjax.discrepancy.suspicion import determined
+from iwanjax.discrepancy.effects import CATALOGUE
+from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.histories.estimates import determined
+from iwanjax.discrepancy.steady.one_joint import Deviations, Named, Standing
 
 SEARCH = SimpleNamespace(parameters=0, recordings=1, directions=0, order=(0,))
 

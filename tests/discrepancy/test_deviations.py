@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from iwanjax.discrepancy.one_joint import linearised
-from iwanjax.discrepancy.residuals import correlation_time
+from iwanjax.discrepancy.evidence import correlation_time
+from iwanjax.discrepancy.steady.one_joint import linearised
 
 LEVELS, DRAWS, SHARE = 60, 300, 0.6
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE
-from iwanjax.discrepancy.loops import driven, quasi_static
+from iwanjax.discrepancy.steady.loops import driven, quasi_static
 from iwanjax.errors import InputError
 
 GUESS = ij.Iwan4(F_S=7.0, K_T=1.2, chi=-0.3, beta=3.0)

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE, ForceKind
-from iwanjax.discrepancy.cycle import beside
-from iwanjax.discrepancy.diagnose_modes import modes_parameters
+from iwanjax.discrepancy.steady.cycle import beside
+from iwanjax.discrepancy.steady.diagnose_modes import modes_parameters
 from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import about
 

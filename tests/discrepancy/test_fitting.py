@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iwanjax as ij
-from iwanjax.discrepancy.lanes import Lane, Layout, step_within
-from iwanjax.discrepancy.residuals import Seen, correlation_time
-from iwanjax.discrepancy.search import Hypothesis
-from iwanjax.discrepancy.sensitivity import Joint, joints_at, located
-from iwanjax.discrepancy.suspects import Suspects
+from iwanjax.discrepancy.evidence import correlation_time
+from iwanjax.discrepancy.histories.kernels import Joint, joints_at, located
+from iwanjax.discrepancy.histories.levenberg_marquardt import Lane, Layout, step_within
+from iwanjax.discrepancy.histories.linearise import Seen
+from iwanjax.discrepancy.histories.predictor import Suspects
+from iwanjax.discrepancy.histories.problem import Hypothesis
 from iwanjax.types import compiled_for_one_call
 
 jax.config.update("jax_enable_x64", True)

@@ -26,9 +26,9 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import Transient, diagnose
-from iwanjax.discrepancy.held_out import free_run
-from iwanjax.discrepancy.prediction import predictor
-from iwanjax.discrepancy.resolution import Sides
+from iwanjax.discrepancy.histories.predictor import predictor
+from iwanjax.discrepancy.histories.time_steps import Sides
+from iwanjax.discrepancy.histories.validation import free_run
 
 WEAK, STRONG = 5.0, 30.0
 # (use, samples, level, seed).
@@ -166,7 +166,7 @@ def failing(*arguments, **options):
 def test_what_fails_late_costs_no_verdict(told, monkeypatch, tmp_path):
     """The held-out run, the modes' differences, the restoring force, a picture."""
     # A function of the same name hides the module.
-    module = importlib.import_module("iwanjax.discrepancy.diagnose")
+    module = importlib.import_module("iwanjax.discrepancy.histories.diagnose")
     monkeypatch.setattr(module, "restoring_force", failing)
     monkeypatch.setattr(module, "observables", failing)
     monkeypatch.setattr("iwanjax.verbs.diagnose.plot_prediction", failing)

@@ -3,9 +3,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy import lanes
-from iwanjax.discrepancy.held_out import Free, joined
-from iwanjax.discrepancy.search import elapsed, rates
+from iwanjax.discrepancy.histories import levenberg_marquardt as lanes
+from iwanjax.discrepancy.histories.problem import elapsed, rates
+from iwanjax.discrepancy.histories.validation import Free, joined
 
 RNG = np.random.default_rng(3)
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy import joint_faults
-from iwanjax.discrepancy.catalogue import CATALOGUE
-from iwanjax.discrepancy.evidence import left_by_noise
-from iwanjax.discrepancy.rounds import Entry
+from iwanjax.discrepancy.effects import CATALOGUE
+from iwanjax.discrepancy.histories import joint_faults
+from iwanjax.discrepancy.histories.likelihood import left_by_noise
+from iwanjax.discrepancy.histories.ranking import Entry
 
 N = 1000
 SEARCH = SimpleNamespace(

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from iwanjax.discrepancy import lanes
-from iwanjax.discrepancy.residuals import Seen
+from iwanjax.discrepancy.histories import levenberg_marquardt as lanes
+from iwanjax.discrepancy.histories.linearise import Seen
 
 
 class Valley:

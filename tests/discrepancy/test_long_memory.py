@@ -2,7 +2,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from iwanjax.discrepancy import long_memory
+from iwanjax.discrepancy.histories import slow_effects as long_memory
 
 NOISE = 1000.0
 

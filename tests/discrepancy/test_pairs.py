@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy import pairs
-from iwanjax.discrepancy.rounds import MIDDLE, Entry
+from iwanjax.discrepancy.histories import pairs
+from iwanjax.discrepancy.histories.ranking import MIDDLE, Entry
 
 N = 1000
 SEARCH = SimpleNamespace(

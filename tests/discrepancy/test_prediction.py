@@ -10,20 +10,22 @@ import scipy.integrate
 import scipy.linalg
 
 import iwanjax as ij
-from iwanjax.discrepancy import CATALOGUE, suspicion, trials
-from iwanjax.discrepancy.at_rest import columns_at_rest
-from iwanjax.discrepancy.band import in_band
-from iwanjax.discrepancy.fitting import SHORT, fit_all
-from iwanjax.discrepancy.hold import hold
-from iwanjax.discrepancy.measured import Transient, cleaned, common_noise, prepared
-from iwanjax.discrepancy.observer import observer_gain, process_noise, stepped
-from iwanjax.discrepancy.places import followed, places_of
-from iwanjax.discrepancy.prediction import predictor
-from iwanjax.discrepancy.release import released
-from iwanjax.discrepancy.residuals import evaluate, glance, innovations
-from iwanjax.discrepancy.search import Search, Start
-from iwanjax.discrepancy.sensitivity import Joint
-from iwanjax.discrepancy.sensor_chain import DELAY_NODES, chain, change_by_delay
+from iwanjax.discrepancy import CATALOGUE
+from iwanjax.discrepancy.histories import columns as trials
+from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.histories.columns import columns_at_rest
+from iwanjax.discrepancy.histories.conditioning import prepared
+from iwanjax.discrepancy.histories.innovations import DELAY_NODES, chain, change_by_delay
+from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.linearise import evaluate, glance, innovations
+from iwanjax.discrepancy.histories.multistart import SHORT, fit_all
+from iwanjax.discrepancy.histories.noise import common_noise
+from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, released, stepped
+from iwanjax.discrepancy.histories.places import followed, places_of
+from iwanjax.discrepancy.histories.predictor import hold, predictor
+from iwanjax.discrepancy.histories.problem import Search, Start
+from iwanjax.discrepancy.histories.recordings import Transient, cleaned
+from iwanjax.signals.comparison_band import in_band
 
 RATE, N = 1024.0, 600
 ROWS = {"m1": np.array([1.0, 0.0]), "J1": np.array([-1.0, 1.0])}

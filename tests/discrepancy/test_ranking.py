@@ -4,14 +4,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.band import OF_NOISE
-from iwanjax.discrepancy.catalogue import ForceKind, Motion, kinds_of
-from iwanjax.discrepancy.competition import Table
-from iwanjax.discrepancy.evidence import covariance, left_by_noise
-from iwanjax.discrepancy.final import compared
-from iwanjax.discrepancy.ranking import containing, doubted, finalists, missing, ranked
-from iwanjax.discrepancy.residuals import correlation_time
-from iwanjax.discrepancy.rounds import MIDDLE, Entry, distinct
+from iwanjax.discrepancy.effects import ForceKind, Motion, kinds_of
+from iwanjax.discrepancy.evidence import correlation_time
+from iwanjax.discrepancy.histories.likelihood import covariance, left_by_noise
+from iwanjax.discrepancy.histories.ranking import (
+    MIDDLE,
+    Entry,
+    containing,
+    distinct,
+    doubted,
+    finalists,
+    missing,
+    ranked,
+)
+from iwanjax.discrepancy.histories.selection import Table
+from iwanjax.discrepancy.histories.validation import compared
+from iwanjax.signals.comparison_band import OF_NOISE
 
 N = 4000
 KINDS = {kind.name: kind for kind in reversed(kinds_of())}

@@ -13,25 +13,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iwanjax as ij
-from iwanjax.discrepancy import competition
-from iwanjax.discrepancy.band import HALF, OF_NOISE, in_band
-from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind, JointKind, Kind
-from iwanjax.discrepancy.competition import Table, concluded
-from iwanjax.discrepancy.fitting import SHORT, alike, fit_all
-from iwanjax.discrepancy.joint_faults import without_the_other
-from iwanjax.discrepancy.lanes import Lane, Layout
-from iwanjax.discrepancy.limits import with_limits
-from iwanjax.discrepancy.measured import Transient, _finer, _noise
-from iwanjax.discrepancy.places import followed, places_of
-from iwanjax.discrepancy.prediction import predictor
-from iwanjax.discrepancy.probing import pointed_at, probed
-from iwanjax.discrepancy.residuals import Seen, evaluate, glance
-from iwanjax.discrepancy.resolution import Resolution, Resolved
-from iwanjax.discrepancy.rounds import MIDDLE, STEPS, Entry, Grounds, screened, settled
-from iwanjax.discrepancy.search import Hypothesis, Search, Start
-from iwanjax.discrepancy.sensitivity import Joint
-from iwanjax.discrepancy.suspects import Suspects
-from iwanjax.discrepancy.suspicion import Guess, force, with_joint, with_stiction
+from iwanjax.discrepancy.effects import CATALOGUE, ForceKind, JointKind, Kind
+from iwanjax.discrepancy.histories import selection as competition
+from iwanjax.discrepancy.histories.conditioning import _finer
+from iwanjax.discrepancy.histories.hypotheses import Guess, force, with_joint, with_stiction
+from iwanjax.discrepancy.histories.joint_faults import without_the_other
+from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.levenberg_marquardt import Lane, Layout
+from iwanjax.discrepancy.histories.linearise import Seen, evaluate, glance
+from iwanjax.discrepancy.histories.multistart import SHORT, alike, fit_all
+from iwanjax.discrepancy.histories.nested import with_limits
+from iwanjax.discrepancy.histories.noise import _noise
+from iwanjax.discrepancy.histories.places import followed, places_of
+from iwanjax.discrepancy.histories.predictor import Suspects, predictor
+from iwanjax.discrepancy.histories.probing import pointed_at, probed
+from iwanjax.discrepancy.histories.problem import Hypothesis, Search, Start
+from iwanjax.discrepancy.histories.ranking import MIDDLE, STEPS, Entry, Grounds, screened, settled
+from iwanjax.discrepancy.histories.recordings import Transient
+from iwanjax.discrepancy.histories.selection import Table, concluded
+from iwanjax.discrepancy.histories.time_steps import Resolution, Resolved
+from iwanjax.signals.comparison_band import HALF, OF_NOISE, in_band
 
 NOTHING = Hypothesis(
     (),

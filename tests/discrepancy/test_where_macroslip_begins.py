@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iwanjax as ij
-from iwanjax.discrepancy.catalogue import CATALOGUE
-from iwanjax.discrepancy.fitting import fit_all
-from iwanjax.discrepancy.macroslip import _beyond, alternatives, in_the_middle
-from iwanjax.discrepancy.measured import Transient, prepared
-from iwanjax.discrepancy.prediction import predictor
-from iwanjax.discrepancy.search import Search, Start
-from iwanjax.discrepancy.sensitivity import Joint, joints_at
+from iwanjax.discrepancy.effects import CATALOGUE
+from iwanjax.discrepancy.histories.conditioning import prepared
+from iwanjax.discrepancy.histories.kernels import Joint, joints_at
+from iwanjax.discrepancy.histories.macroslip import _beyond, alternatives, in_the_middle
+from iwanjax.discrepancy.histories.multistart import fit_all
+from iwanjax.discrepancy.histories.predictor import predictor
+from iwanjax.discrepancy.histories.problem import Search, Start
+from iwanjax.discrepancy.histories.recordings import Transient
 
 RATE, N = 1024.0, 700
 TRUE = ij.Iwan4(F_S=20.0, K_T=3e4, chi=-0.5, beta=1.5)

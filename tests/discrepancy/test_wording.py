@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from iwanjax.discrepancy.catalogue import CATALOGUE, ForceKind
-from iwanjax.discrepancy.suspicion import Estimate
+from iwanjax.discrepancy.effects import CATALOGUE, ForceKind
+from iwanjax.discrepancy.estimate import Estimate
 from iwanjax.discrepancy.wording import noun, sentence, share, sizes
 from iwanjax.joints import ParameterInfo
 

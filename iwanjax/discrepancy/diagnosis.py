@@ -1,0 +1,388 @@
+"""What a diagnosis says."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+from iwanjax.discrepancy.effects import Kind
+from iwanjax.discrepancy.estimate import Estimate, Refitted
+from iwanjax.discrepancy.judgement import Verdict
+from iwanjax.discrepancy.observables import Observable
+from iwanjax.discrepancy.restoring_force import RestoringForce
+from iwanjax.discrepancy.wording import noun, sentence, share, sizes
+
+# Probability of something else from which on it is told.
+_TOLD = 0.05
+# Probability below which an explanation is called excluded.
+_EXCLUDED = 1e-3
+# What noise exceeds in one case of twenty over what it leaves, from which on both are told.
+_OFTEN = 1.15
+
+
+class Run(Protocol):
+    """A model against recordings of some kind: time histories, or curves of a mode."""
+
+    def by_recording(self) -> Mapping[str, float]:
+        """Relative errors."""
+        ...
+
+    def floors(self) -> Mapping[str, float]:
+        """The same of a perfect model."""
+        ...
+
+    def floors_95(self) -> Mapping[str, float]:
+        """What a perfect model exceeds in one case of twenty."""
+        ...
+
+
+class Suspect(NamedTuple):
+    """What may be missing: one row of a verdict.
+
+    Attributes
+    ----------
+    kind : Kind
+        Of the catalogue.
+    where : str
+        Label of the place, sensor or joint.
+    probability : float
+        Among all that were tried, nothing, and something that was not tried.
+    log_evidence : float
+        Of the data with it, less that of the best.
+    parameters : tuple of Estimate
+        Its size, and its shape where it has one.
+    joint_with : tuple of str
+        Labels kind@where of what acts together with it.
+    """
+
+    kind: Kind
+    where: str
+    probability: float
+    log_evidence: float
+    parameters: tuple[Estimate, ...]
+    joint_with: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """kind@where."""
+        return f"{self.kind.name}@{self.where}"
+
+
+class Refused(NamedTuple):
+    """What explains the fitted recordings, but predicts those held out worse.
+
+    Attributes
+    ----------
+    label : str
+        kind@where, joined by " + " where several act at once.
+    before, after : float
+        Errors of the held-out recordings without and with it; infinite where it diverges.
+    """
+
+    label: str
+    before: float
+    after: float
+
+
+class Errors(NamedTuple):
+    """Root mean square of predicted less measured over that of measured; NaN without data."""
+
+    fit: float
+    hold_out: float
+
+
+class Score(NamedTuple):
+    """What one suspect would take off the residual, judged at size zero.
+
+    Attributes
+    ----------
+    kind, where : str
+        Which.
+    drop : float
+        Share of the squared residual, the joints refitted.
+    """
+
+    kind: str
+    where: str
+    drop: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Result of :func:`iwanjax.diagnose`.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        Nothing missing, something missing or undecided, with the probabilities that it rests on.
+        Headline, JSON and report follow from it.
+    what : tuple of Suspect
+        By probability. The first is what is missing where that has a name; where the verdict is
+        undecided, what was tried with the most success. Empty when nothing is missing, and when
+        nothing that was tried is likelier than that.
+    before, after, noise_floor : Errors
+        Free-run errors of the model with its joints refitted, with the first of ``what`` added,
+        and what sensor and force noise alone leave.
+    noise_floor_95 : Errors
+        What noise alone exceeds in one case of twenty; NaN for curves.
+    parameter_spread : Errors
+        By how much predictions move within what the fitted recordings leave open of the
+        parameters, linearised; NaN for curves.
+    refused : tuple of Refused
+        What was tried and predicts held-out recordings worse than the model without it.
+    indistinguishable : tuple of (str, str)
+        Pairs kind@where that these data cannot tell apart.
+    observables : tuple of Observable
+        Where frequency and damping of the model before differ from the measured ones.
+    scores : tuple of Score
+        Of the screening, the largest drop first.
+    joints : tuple of Refitted
+        Joints, or modes with theirs, as refitted: with the first of ``what``, where there is one.
+    runs : tuple of Free, CurveRun, ModesRun or LoopRun
+        Predictions before and after, of all recordings: free runs, curves, or loops.
+    sampling_rate : float
+        Hz; NaN for curves.
+    restoring : RestoringForce or None
+        Recovered at the place of the first suspect, where that is a force.
+    warnings : tuple of str
+        What is odd about the study or the verdict.
+    complete : bool
+        Whether the budget of time sufficed.
+    seconds : float
+        What it took.
+    failures : tuple of str
+        Late stages that failed, in words; what does not rest on them holds.
+    """
+
+    verdict: Verdict
+    what: tuple[Suspect, ...]
+    before: Errors
+    after: Errors
+    noise_floor: Errors
+    noise_floor_95: Errors
+    parameter_spread: Errors
+    refused: tuple[Refused, ...]
+    indistinguishable: tuple[tuple[str, str], ...]
+    observables: tuple[Observable, ...] = field(repr=False)
+    scores: tuple[Score, ...] = field(repr=False)
+    joints: tuple[Refitted, ...] = field(repr=False)
+    runs: tuple[Run, Run] = field(repr=False)
+    sampling_rate: float
+    restoring: RestoringForce | None = field(repr=False)
+    warnings: tuple[str, ...]
+    complete: bool
+    seconds: float
+    failures: tuple[str, ...] = ()
+
+    @property
+    def detected(self) -> bool:
+        """Whether something is missing, known or not."""
+        return self.verdict.detected
+
+    @property
+    def probability_nothing_missing(self) -> float:
+        """Of the verdict."""
+        return self.verdict.nothing
+
+    @property
+    def probability_something_else(self) -> float:
+        """That the truth is none of what was tried, by what the best of it leaves."""
+        return self.verdict.something_else
+
+    @property
+    def by_recording(self) -> Mapping[str, tuple[float, float]]:
+        """Relative errors of each recording before and after."""
+        before, after = (run.by_recording() for run in self.runs)
+        return {name: (before[name], after[name]) for name in before}
+
+    @property
+    def found(self) -> tuple[Suspect, ...]:
+        """What is missing: the first suspect and those that act together with it."""
+        if not self.verdict.found:
+            return ()
+        first = self.what[0]
+        return (first, *(each for each in self.what[1:] if each.label in first.joint_with))
+
+    def told(self) -> "Told":
+        """The verdict in plain sentences, part by part."""
+        by_name = {
+            "nothing_missing": self._nothing,
+            "something_missing": self._missing,
+            "undecided": self._undecided,
+        }
+        parts = (by_name[self.verdict.name](), self._improvement(), self._doubt(), self._next())
+        return Told(*(" ".join(map(_ended, part)) for part in parts))
+
+    def statement(self) -> str:
+        """All of it: the verdict first, then the improvement, the doubt, what to measure next."""
+        return " ".join(filter(None, self.told()))
+
+    @property
+    def _held(self) -> bool:
+        """Whether recordings were held out."""
+        return self.before.hold_out == self.before.hold_out
+
+    @property
+    def _which(self) -> str:
+        return "held-out" if self._held else "fitted"
+
+    def _of(self, errors: Errors) -> float:
+        """The error that tells most: of held-out recordings, where there are some."""
+        return errors.hold_out if self._held else errors.fit
+
+    def _nothing(self) -> list[str]:
+        return [
+            "Nothing is missing that these recordings show "
+            f"(probability {self.probability_nothing_missing:.2f})",
+            f"With its joints refitted the model predicts the {self._which} recordings to "
+            f"{share(self._of(self.before))}; noise alone would leave {self._floor()}",
+        ]
+
+    def _missing(self) -> list[str]:
+        return [
+            f"{sentence(each.kind, each.where)}{': ' * bool(each.parameters)}"
+            f"{sizes(each.parameters)} (probability {each.probability:.2f})"
+            for each in self.found
+        ]
+
+    def _undecided(self) -> list[str]:
+        off = (
+            f"With its joints refitted the model is {share(self._of(self.before))} off on the "
+            f"{self._which} recordings; noise alone would leave {self._floor()}"
+        )
+        if not self.detected:
+            return [
+                "Undecided: these recordings do not tell whether anything is missing "
+                f"(probability {self.probability_nothing_missing:.2f} that nothing is)",
+                off,
+            ]
+        if not self.complete:
+            return ["Undecided: something is missing, and there was no time to find out what", off]
+        return [
+            "Undecided: something is missing, and nothing that was tried explains it "
+            f"(probability {self.probability_something_else:.2f} that it is something else)",
+            off,
+        ]
+
+    def _floor(self) -> str:
+        """What noise leaves, and what it seldom exceeds, where that is much more."""
+        usual, high = self._of(self.noise_floor), self._of(self.noise_floor_95)
+        if not usual < 1.0:
+            return "more than the signal, in a model that amplifies it without bound"
+        often = f", in one case of twenty {share(high)}" if high > _OFTEN * usual else ""
+        return share(usual) + often
+
+    def _improvement(self) -> list[str]:
+        if not self.what:
+            return []
+        after, before = share(self._of(self.after)), share(self._of(self.before))
+        if self.verdict.found:
+            it = "them" if len(self.found) > 1 else "it"
+            return [
+                f"With {it}, {self._which} recordings are predicted to {after} (refitted model "
+                f"alone: {before}; noise floor: {self._floor()})"
+            ]
+        best = noun(self.what[0].kind, self.what[0].where)
+        return [f"The best of what was tried, {best}, leaves {after} of {before}"]
+
+    def _doubt(self) -> list[str]:
+        told = []
+        for each in self.found:
+            rivals = [b for a, b in self.indistinguishable if a == each.label]
+            if rivals:
+                told.append(f"These data cannot tell {each.label} from {', '.join(rivals)}")
+        others = [each for each in self.what if each not in self.found]
+        if self.verdict.found and others and not told:
+            next_best = noun(others[0].kind, others[0].where)
+            likely = f"has a probability of {others[0].probability:.2g}"
+            out = others[0].probability < _EXCLUDED
+            told.append(
+                f"The next best explanation, {next_best}, {'is excluded' if out else likely}"
+            )
+        if self.verdict.found and self.probability_something_else > _TOLD:
+            told.append(
+                f"The probability that it is something else is "
+                f"{self.probability_something_else:.2f}"
+            )
+        told += map(_refusal, self.refused)
+        spread = self.parameter_spread.hold_out
+        if spread > self.noise_floor.hold_out:
+            told.append(
+                f"What the fitted recordings leave open of the parameters moves the held-out ones "
+                f"by about {share(spread)} more"
+            )
+        told += self.warnings
+        told += [f"This part is missing: {each}" for each in self.failures]
+        if not self.complete:
+            told.append("The time given was too short to finish; this is so far")
+        return told
+
+    def _next(self) -> list[str]:
+        """What to measure next, by what is open."""
+        if not self.complete:
+            return ["Next: give it more time"]
+        if self.refused:
+            return [
+                "Measure next: recordings to fit that are as hard as those held out; what was "
+                "refused had been fitted at other amplitudes"
+            ]
+        if self.verdict.found and any(a == self.found[0].label for a, _ in self.indistinguishable):
+            return [
+                "Measure next: harder and softer hits than these; explanations that agree at the "
+                "amplitudes measured part beyond them"
+            ]
+        if not self._held:
+            return ["Measure next: a recording to hold out, at an amplitude of its own"]
+        if self.verdict.name == "undecided" and self.detected:
+            where = f", near {self.scores[0].where} first" if self.scores else ""
+            return [
+                "Measure next: more sensors and single modes at several amplitudes"
+                f"{where}, to see which motion the misfit goes with"
+            ]
+        if self.verdict.name == "undecided":
+            return ["Measure next: harder hits, or the same ones with less noise"]
+        return ["Measure next: harder hits; beyond these amplitudes nothing is known"]
+
+
+class Told(NamedTuple):
+    """A diagnosis in plain sentences; empty where there is nothing to say.
+
+    Attributes
+    ----------
+    verdict : str
+        At most three sentences.
+    improvement : str
+        How much better predictions get.
+    doubt : str
+        What speaks against it, and what is odd.
+    next : str
+        What to measure next.
+    """
+
+    verdict: str
+    improvement: str
+    doubt: str
+    next: str
+
+
+def _ended(line: str) -> str:
+    return line if line.endswith(".") else f"{line}."
+
+
+def _refusal(each: Refused) -> str:
+    off = f"is {share(each.after)} off on" if math.isfinite(each.after) else "diverges on"
+    return (
+        f"{each.label} explains the fitted recordings, but {off} the held-out ones, where the "
+        f"model without it is {share(each.before)} off: it is refused"
+    )
+
+
+def alike(what: Sequence[Suspect], margin: float) -> tuple[tuple[str, str], ...]:
+    """The first suspect with each whose evidence is as good within a margin."""
+    return tuple(
+        (what[0].label, other.label)
+        for other in what[1:]
+        if other.log_evidence > what[0].log_evidence - margin
+        and other.label not in what[0].joint_with
+        and other.label != what[0].label
+    )

@@ -1,0 +1,245 @@
+"""Columns of the score test: what a little of every effect would change in the residuals."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.discrepancy.effects import ForceKind, Kind, SensorKind
+from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.histories.innovations import LONGEST_DELAY, change_by_delay
+from iwanjax.discrepancy.histories.kernels import Joint, Small, responses, unit_forces
+from iwanjax.discrepancy.histories.linearise import innovations
+from iwanjax.discrepancy.histories.multistart import Fitted
+from iwanjax.discrepancy.histories.observer import stepped
+from iwanjax.discrepancy.histories.places import Place
+from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects
+from iwanjax.discrepancy.histories.problem import Search, Start
+from iwanjax.signals.comparison_band import passed
+
+# Suspects that a kernel takes at once, and kernels that run at once.
+_LANES, _THREADS = 16, 2
+# What small errors of a sensor are: of its gain, or of its time.
+_SMALL = ("gain", "delay")
+
+
+class Unit(NamedTuple):
+    """A suspect of one shape before it is tried.
+
+    Attributes
+    ----------
+    kind, where
+        What and at which place or sensor.
+    sized : function
+        Of a size, where to begin with it.
+    row : (modes,) array
+        Of the place.
+    force : (recordings, steps) array
+        What it opposes the motion with at size 1.
+    fault : (2, sensors) array
+        Error of each sensor's gain, and samples that it is late.
+    """
+
+    kind: ForceKind | SensorKind
+    where: str
+    sized: Callable[[float], Start]
+    row: np.ndarray
+    force: np.ndarray
+    fault: np.ndarray
+
+
+def columns(search: Search, base: Fitted, lanes: Sequence[Unit]) -> np.ndarray:
+    """Changes of the residuals for suspects of size 1, linearised at zero.
+
+    The model is linearised once, about what it predicts with the joints as fitted: a force is
+    then one that is known beforehand, and a fault one of what was measured.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    base : Fitted
+        The model with its joints refitted, and the suspects found so far.
+    lanes : sequence of Unit
+        What is suspected.
+
+    Returns
+    -------
+    (lanes, recordings, N, sensors) array
+    """
+    fixed, at = _about(search, base)
+    shown = jax.device_put(_shown(search, base))
+
+    def run(first: int) -> np.ndarray:
+        own = lanes[first : first + _LANES]
+        padded = [*own, *[own[-1]] * (_LANES - len(own))]
+        arrays = zip(*((lane.row, lane.force, lane.fault) for lane in padded), strict=True)
+        row, force, fault = jax.device_put(tuple(map(np.stack, arrays)))
+        (found,) = responses(*fixed, Small(row, force, fault, shown), *at)
+        return np.asarray(found)[: len(own)]
+
+    if not lanes:
+        return np.zeros((0, *search.data.response.shape))
+    # The first alone, for two would both compile the kernel.
+    first = run(0)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        return np.concatenate([first, *pool.map(run, range(_LANES, len(lanes), _LANES))])
+
+
+def _about(
+    search: Search, base: Fitted
+) -> tuple[tuple[Predictor, tuple[Joint, ...], Suspects], tuple[Array, Array, Data]]:
+    """What kernels that linearise about a fit take before and after what they are about."""
+    suspects, mean = base.hypothesis.suspects, base.theta.mean(axis=0)[: base.values]
+    gain = search.gains([suspects], mean[None], base.cycles, slopes=False).gain[0]
+    at = (*jax.device_put((base.theta, gain)), search.data)
+    return (search.predictor, search.joints, suspects), at
+
+
+def units(
+    search: Search, base: Fitted, kinds: Sequence[Kind], places: Sequence[Place]
+) -> list[Unit]:
+    """Forces of size 1 of all kinds at all places, of the shapes on the catalogue's small grids."""
+    if not places:
+        return []
+    fixed, at = _about(search, base)
+    z = base.theta.mean(axis=0)[: search.parameters]
+    grids = [_grid(kind, places) if kind in kinds else [] for kind in search.predictor.kinds]
+    widest = [max(map(len, grid), default=0) for grid in grids]
+    padded = tuple(
+        np.array([[*row, *[row[-1]] * (w - len(row))] for row in grid]).reshape(len(places), w)
+        for grid, w in zip(grids, widest, strict=True)
+    )
+    rows = np.stack([place.row for place in places])
+    blank = np.zeros((len(_SMALL), len(search.noise)))
+    forces = map(np.asarray, unit_forces(*fixed, rows, padded, *at))
+    return [
+        Unit(
+            kind,
+            place.label,
+            partial(suspicion.force, search, kind, place.label, place.row, z, shape=shape),
+            place.row,
+            force[:, :, i, j],
+            blank,
+        )
+        for kind, grid, force in zip(search.predictor.kinds, grids, forces, strict=True)
+        for i, (place, shapes) in enumerate(zip(places, grid, strict=bool(grid)))
+        for j, shape in enumerate(shapes)
+    ]
+
+
+def _grid(kind: ForceKind, places: Sequence[Place]) -> list[tuple[float, ...]]:
+    """Shapes to be tried at each place."""
+    return [kind.shapes(place.scales) if kind.shape else (1.0,) for place in places]
+
+
+def faults(
+    search: Search, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
+) -> list[Unit]:
+    """Errors of the sensors' gains, and delays."""
+    row = np.zeros(search.predictor.joints.shape[1])
+    still = np.zeros((search.recordings, search.data.push.shape[1] * search.predictor.substeps))
+
+    def begun(kind: SensorKind, i: int, label: str, size: float) -> Start:
+        size = min(size, 0.5 * LONGEST_DELAY) if kind.acts == "delay" else size
+        return suspicion.sensor(search, kind, i, label, z, size)
+
+    lanes = []
+    for kind in kinds:
+        if not isinstance(kind, SensorKind) or kind.acts not in _SMALL or kind.fixed is not None:
+            continue
+        for i, label in enumerate(sensors):
+            fault = np.zeros((len(_SMALL), len(sensors)))
+            fault[_SMALL.index(kind.acts), i] = 1.0
+            lanes.append(Unit(kind, label, partial(begun, kind, i, label), row, still, fault))
+    return lanes
+
+
+def _shown(search: Search, base: Fitted) -> np.ndarray:
+    """What the sensors show as predicted, and its change by a delay."""
+    off = innovations(search, base.hypothesis, base.theta, base.cycles)
+    shown = np.asarray(search.data.response) - off
+    return np.stack([shown, change_by_delay(shown)], axis=1)
+
+
+def columns_at_rest(
+    search: Search, base: Fitted, forces: Sequence[Unit]
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Changes of the residuals for forces of size 1, the joints at their tangents.
+
+    At rest the model is linear and the same at all times, so that a force's response is its
+    convolution with the place's own.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    base : Fitted
+        The model with its joints refitted, and the suspects found so far.
+    forces : sequence of Unit
+        In any order.
+
+    Yields
+    ------
+    (lanes,), (lanes, recordings x N x sensors) array
+        Place by place, which of the forces act there and their columns.
+    """
+    weight = np.moveaxis(np.asarray(search.data.weight), 1, 2)
+    R, _, N = weight.shape
+    at: dict[str, list[int]] = {}
+    for i, unit in enumerate(forces):
+        at.setdefault(unit.where, []).append(i)
+    rows = np.stack([forces[which[0]].row for which in at.values()])
+    shown = _responses(search, base, rows[:, : search.predictor.kept], N)
+    # Twice as long: what leaves at the end does not come in again at the beginning.
+    spectra = np.fft.rfft(shown, 2 * N) * passed(2 * N)
+    for which, own in zip(at.values(), spectra, strict=True):
+        found = []
+        for i in which:
+            steps = np.moveaxis(forces[i].force.reshape(R, N, -1), 1, 2)
+            whole = np.einsum("rkf,ksf->rsf", np.fft.rfft(steps, 2 * N), own)
+            change = np.fft.irfft(whole, 2 * N)[..., :N] * weight
+            found.append(np.ravel(np.moveaxis(change, 2, 1)))
+        yield np.array(which), np.stack(found)
+
+
+def _responses(search: Search, base: Fitted, rows: np.ndarray, N: int) -> np.ndarray:
+    """Residuals after a force of 1 at the end of one step, (places, substeps, sensors, N).
+
+    It rises over that step, and falls over the next; one for each step to the first sample.
+    """
+    predictor, suspects = search.predictor, base.hypothesis.suspects
+    mean = base.theta.mean(axis=0)[None, : base.values]
+    gain = search.gains([suspects], mean, base.cycles, slopes=False).gain[0]
+    A, H = search.system(suspects, mean[0])
+    P, r = rows.shape
+    dt, S = float(predictor.dt), predictor.substeps
+    # The force and its slope as states too (Van Loan 1978).
+    F = np.zeros((2 * r + 2 * P, 2 * r + 2 * P))
+    F[: 2 * r, : 2 * r] = A
+    F[r : 2 * r, 2 * r : 2 * r + P] = rows.T
+    F[2 * r : 2 * r + P, 2 * r + P :] = np.eye(P)
+    E = stepped(F, dt)
+    step, whole, ramp = E[: 2 * r, : 2 * r], E[: 2 * r, 2 * r : 2 * r + P], E[: 2 * r, 2 * r + P :]
+    rising, falling = (ramp / dt).T, (whole - ramp / dt).T
+    direct = np.zeros((P, S, len(H)))
+    if predictor.quantity == "acceleration":
+        direct[:, -1] = rows @ np.asarray(predictor.sensors).T
+    z = np.zeros((P, S, 2 * r))
+    shown = np.zeros((N, P, S, len(H)))
+    for n in range(N):
+        for k in range(S):
+            z = z @ step.T
+            if n == 0:
+                z[:, k] += rising
+                z[:, k - 1] += falling if k else 0.0
+            elif n == 1 and k == 0:
+                z[:, -1] += falling
+        # It opposes the motion, so that the model shows less.
+        shown[n] = z @ H.T + (direct if n == 0 else 0.0)
+        z = z - shown[n] @ gain.T
+    return np.moveaxis(shown, 0, 3)

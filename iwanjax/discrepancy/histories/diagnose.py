@@ -1,0 +1,344 @@
+"""Is anything missing from a model, where, of which kind, and how much better it is with it."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import jax
+import numpy as np
+
+from iwanjax.discrepancy.diagnosis import Diagnosis, Errors, Suspect, alike
+from iwanjax.discrepancy.effects import ForceKind, kinds_of
+from iwanjax.discrepancy.evidence import LEAST_GAIN
+from iwanjax.discrepancy.failures import attempted
+from iwanjax.discrepancy.histories import selection as competition
+from iwanjax.discrepancy.histories.conditioning import MODEL_ERROR
+from iwanjax.discrepancy.histories.estimates import estimates
+from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.noise import common_noise
+from iwanjax.discrepancy.histories.observables import observables
+from iwanjax.discrepancy.histories.places import followed, places_of
+from iwanjax.discrepancy.histories.predictor import Quantity, predictor
+from iwanjax.discrepancy.histories.ranking import Grounds, containing
+from iwanjax.discrepancy.histories.recordings import Transient
+from iwanjax.discrepancy.histories.refitted import joints_refitted
+from iwanjax.discrepancy.histories.restoring import restoring_force
+from iwanjax.discrepancy.histories.time_steps import Resolution, Resolved
+from iwanjax.discrepancy.histories.validation import Free, Runs, compared, joined
+from iwanjax.discrepancy.judgement import Misfit, judged
+from iwanjax.discrepancy.observables import Observable
+from iwanjax.errors import InputError
+from iwanjax.structures import JointedStructure
+from iwanjax.structures.checks import finite_array
+from iwanjax.threads import one_thread
+from iwanjax.types import ArrayLike, require_double_precision
+
+# Error over the noise's from which on something is left unexplained.
+_UNEXPLAINED = 1.25
+# Probability of something else from which on that is what a report says.
+_LIKELY = 0.05
+# The same over held-out recordings, where parameters count with so many deviations.
+_UNFORESEEN, _DEVIATIONS = 1.5, 2.0
+# Evidences closer than this cannot be told apart.
+_ALIKE = 3.0
+
+
+@one_thread()
+def diagnose(
+    structure: JointedStructure,
+    recordings: Sequence[Transient],
+    sampling_rate: float,
+    *,
+    places: Mapping[str, ArrayLike],
+    inputs: ArrayLike,
+    sensors: Mapping[str, ArrayLike],
+    quantity: Quantity = "acceleration",
+    hypotheses: tuple[str, ...] = (),
+    noise: ArrayLike | None = None,
+    budget: float = math.inf,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda line: None,
+) -> Diagnosis:
+    r"""Compare a model with recordings: what remains, where it acts, and what it is.
+
+    Predictions are innovations: an observer corrects the state after every sample, and its
+    gain is designed anew for every set of parameters. First the joints are refitted, from
+    several starts, with a memory of two, then eight cycles. Then every kind at every place is
+    judged at size zero by what it would take off the residual beyond what the joints can; the
+    best are refitted with the joints, and the best of these with longer and longer memory up to
+    the free run. A free decay's state at its beginning is estimated with everything else. Where
+    the residual stays above the noise a second suspect is looked for beside
+    the first; where nothing shows with a memory of eight cycles but in the free run, as with a
+    joint that drifts, suspects are looked for there.
+
+    Parameters
+    ----------
+    structure : JointedStructure
+        Joints at their starting values.
+    recordings : sequence of Transient
+        At least one to fit; those held out are only looked at in the end.
+    sampling_rate : float
+        Hz.
+    places : mapping of str to (n,) array_like
+        Rows where a force may be missing.
+    inputs : (inputs, n) array_like
+        Where forces act.
+    sensors : mapping of str to (n,) array_like
+        What the sensors see.
+    quantity : {"acceleration", "velocity", "displacement"}
+        What they measure.
+    hypotheses : tuple of str
+        Kinds to try; all of the catalogue by default.
+    noise : (sensors,) array_like, optional
+        Standard deviations of the sensors' noise where they are known (NaN where not).
+    budget : float
+        Time to spend, s.
+    seed : int
+        Of the starts.
+    progress : function
+        Told of every stage.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        For recordings whose force is zero or that do not fit the model, unknown hypotheses.
+    PrecisionError
+        When JAX computes in float32.
+    """
+    require_double_precision("diagnose")
+    started = time.perf_counter()
+    kinds = kinds_of(hypotheses)
+    rows = {name: finite_array(row, name) for name, row in places.items()}
+    rows_in = np.atleast_2d(finite_array(inputs, "inputs"))
+    rows_out = np.stack([finite_array(row, name) for name, row in sensors.items()])
+    known = np.full(len(rows_out), np.nan) if noise is None else np.asarray(noise, float)
+    _check(recordings, len(rows_in), len(rows_out))
+    known = np.where(np.isnan(known), common_noise(recordings), known)
+    joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
+    forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
+    made = partial(
+        predictor,
+        structure,
+        jax.device_put(rows_in),
+        jax.device_put(rows_out),
+        sampling_rate,
+        quantity,
+        forces,
+    )
+    resolution = Resolution(made, joints, recordings, known)
+    now = resolution.of_model()
+    shapes = np.asarray(now.modal.Phi)
+    moving = {name: row @ shapes for name, row in rows.items() if np.any(row @ shapes)}
+    grounds = Grounds(
+        kinds,
+        places_of(now.search, followed(now.search), moving),
+        tuple(sensors),
+        tuple(structure.labels),
+        lambda: time.perf_counter() - started < budget,
+        progress,
+    )
+    table = competition.run(now.search, grounds, seed)
+    failures: list[str] = []
+    now, table = attempted(
+        "the polish to the free run",
+        lambda: _polished(resolution, now, table, grounds),
+        (now, table),
+        failures,
+    )
+    sides, search, _ = now
+    progress("predicting the held-out recordings")
+    table, before, after, refused = compared(
+        # How unsure macroslip leaves a prediction takes runs of its own.
+        table,
+        lambda entry, replaced: sides.free(
+            entry, failures, replaced=replaced or not grounds.in_time()
+        ),
+    )
+    verdict = judged(
+        table.nominal.behind + LEAST_GAIN,
+        [entry.behind for entry in table.entries],
+        # Noise is of the recordings: the model that fits them best knows what it leaves.
+        _misfit(before, min(before, after, key=lambda run: run[0].relative)),
+        _misfit(after, after),
+    )
+    what = _suspects(table, verdict.named) if table.detected and verdict.detected else []
+    after = after if what else before
+    shown = table.best if what else table.nominal
+    differing: tuple[Observable, ...] = ()
+    restoring = None
+    if verdict.detected and grounds.in_time():
+        progress("recovering the force and the modes' differences")
+        differing = attempted(
+            "comparing the modes",
+            lambda: observables(
+                search,
+                _joined(before),
+                sampling_rate,
+                {each.name: each.released for each in recordings},
+            ),
+            (),
+            failures,
+        )
+        own = [entry for entry in table.entries if entry.search is search]
+        if what and own and own[0] is table.best:
+            others = [entry.fitted for entry in own[1:]]
+            restoring = attempted(
+                "recovering the restoring force",
+                lambda: restoring_force(search, followed(search), own[0].fitted, 0, others),
+                None,
+                failures,
+            )
+    warnings = [*sides.fitted.warnings, *sides.warnings()]
+    warnings += [
+        f"Row {name} is zero on every mode, so nothing could be looked for there"
+        for name in rows
+        if name not in moving
+    ]
+    warnings += _left(after[0], bool(what), verdict.something_else)
+    warnings += _unforeseen(after[1]) if after[1] else []
+    indistinguishable = alike(what, _ALIKE) if what else ()
+    if what:
+        indistinguishable += containing(table.best, table.entries)
+    return Diagnosis(
+        verdict=verdict,
+        what=tuple(what),
+        before=Errors(*(_relative(x) for x in before)),
+        after=Errors(*(_relative(x) for x in after)),
+        noise_floor=Errors(*(x.floor if x else math.nan for x in after)),
+        noise_floor_95=Errors(*(x.floor_95 if x else math.nan for x in after)),
+        parameter_spread=Errors(*(x.spread if x else math.nan for x in after)),
+        refused=refused,
+        indistinguishable=tuple(dict.fromkeys(indistinguishable)),
+        observables=differing,
+        scores=table.scores,
+        joints=joints_refitted(shown.search, shown.fitted, tuple(structure.labels)),
+        runs=(_joined(before), _joined(after)),
+        sampling_rate=sampling_rate,
+        restoring=restoring,
+        warnings=tuple(warnings),
+        complete=grounds.in_time(),
+        seconds=time.perf_counter() - started,
+        failures=tuple(dict.fromkeys(failures)),
+    )
+
+
+def _misfit(run: Runs, best: Runs) -> Misfit:
+    """Errors over what noise, an error that a right model may have, and open parameters leave.
+
+    Noise by the model that fits best; one in which it grows beyond the signal predicts nothing.
+    """
+    (fitted, held_out), (noise, noise_held_out) = run, best
+    allowed = math.hypot(noise.floor, MODEL_ERROR)
+    of_fit = fitted.relative / allowed if noise.floor < 1.0 else math.inf
+    if held_out is None or noise_held_out is None:
+        return Misfit(of_fit, math.nan)
+    spread = _DEVIATIONS * held_out.spread if best is run else 0.0
+    foreseen = math.hypot(noise_held_out.floor_95, spread, MODEL_ERROR)
+    return Misfit(of_fit, held_out.relative / foreseen if foreseen < 1.0 else math.inf)
+
+
+def _polished(
+    resolution: Resolution, now: Resolved, table: competition.Table, grounds: Grounds
+) -> tuple[Resolved, competition.Table]:
+    """The last few in the free run, with steps between samples that are fine enough for it."""
+    if grounds.in_time():
+        now = resolution.of_free_run(now, table.best)
+    table = competition.concluded(table, now.search, grounds)
+    if table.detected and grounds.in_time():
+        finer = resolution.of_fit(now, table.best)
+        if finer is not now:
+            grounds.progress("polishing again, with finer steps")
+            return finer, competition.concluded(table, finer.search, grounds)
+    return now, table
+
+
+def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
+    """What to think of a residual that stays well above the noise."""
+    ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
+    if ratio < _UNEXPLAINED:
+        return []
+    told = f"The fitted recordings are still {ratio:.2g} times the noise off"
+    if not detected:
+        return [f"{told}, but nothing that was tried explains it (probability {unknown:.2f})"]
+    if unknown > _LIKELY:
+        return [
+            f"{told}, so something else is missing as well, or what is missing is only like this "
+            f"(probability {unknown:.2f})"
+        ]
+    return [f"{told}: the rest of the model is not exact, or something small is missing as well"]
+
+
+def _unforeseen(held_out: Free) -> list[str]:
+    """What to think of held-out recordings that are off by more than anything accounts for."""
+    ratio = held_out.relative / math.hypot(held_out.floor_95, _DEVIATIONS * held_out.spread)
+    if ratio < _UNFORESEEN:
+        return []
+    return [
+        f"The held-out recordings are off by {ratio:.2g} times what noise and uncertain parameters "
+        "account for: either something acts only there, or the joints were fitted to the wrong "
+        "end; hold out others and compare"
+    ]
+
+
+def _check(recordings: Sequence[Transient], inputs: int, sensors: int) -> None:
+    if not any(each.use == "fit" for each in recordings):
+        raise InputError("diagnose: no recording to fit; give at least one use: fit")
+    for each in recordings:
+        if each.response.ndim != 2 or each.response.shape[1] != sensors:
+            raise InputError(
+                f"{each.name}: response has shape {each.response.shape}; expected (N, {sensors}), "
+                "a column for each sensor"
+            )
+        if each.force is not None and each.force.shape != (len(each.response), inputs):
+            raise InputError(
+                f"{each.name}: force has shape {each.force.shape}; expected "
+                f"({len(each.response)}, {inputs})"
+            )
+
+
+def _relative(run: Free | None) -> float:
+    return run.relative if run else math.nan
+
+
+def _joined(runs: tuple[Free, Free | None]) -> Free:
+    """Fitted and held-out recordings one after the other."""
+    return joined([run for run in runs if run is not None])
+
+
+def _suspects(table: competition.Table, probabilities: Sequence[float]) -> list[Suspect]:
+    """One row for every suspect of the best entry, then those of its rivals.
+
+    Each with the probability of its entry.
+    """
+    rows = []
+    for entry, probability in zip(table.entries, probabilities, strict=True):
+        labels = [
+            f"{kind.name}@{where}"
+            for kind, where in zip(
+                entry.fitted.hypothesis.kinds, entry.fitted.hypothesis.where, strict=True
+            )
+        ]
+        for slot, (kind, where) in enumerate(
+            zip(entry.fitted.hypothesis.kinds, entry.fitted.hypothesis.where, strict=True)
+        ):
+            rows.append(
+                Suspect(
+                    kind,
+                    where,
+                    probability,
+                    entry.behind,
+                    estimates(entry.search, entry.fitted, slot),
+                    tuple(label for label in labels if label != labels[slot]),
+                )
+            )
+    found, known = [], set()
+    for row in rows:
+        if row.label not in known:
+            known.add(row.label)
+            found.append(row)
+    return found

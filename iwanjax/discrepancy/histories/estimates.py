@@ -1,0 +1,119 @@
+"""Physical parameters of a fitted hypothesis, with deviations, and whether a size is determined."""
+
+import math
+from collections.abc import Callable
+
+import jax
+import numpy as np
+
+from iwanjax.discrepancy.effects import ForceKind, JointKind, SensorKind
+from iwanjax.discrepancy.estimate import SURE, Estimate
+from iwanjax.discrepancy.histories.kernels import joints_of
+from iwanjax.discrepancy.histories.likelihood import covariance
+from iwanjax.discrepancy.histories.multistart import Fitted
+from iwanjax.discrepancy.histories.problem import Search, free_values, rates
+
+# What a prior deviation is worth in a drift.
+_PRIOR = {"F_S_change": 0.5, "K_T_change": 0.1}
+
+
+def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]:
+    """Physical parameters of a suspect with deviations, as the residual's own size has them."""
+    hypothesis, kind = fitted.hypothesis, fitted.hypothesis.kinds[slot]
+    known = covariance(search, fitted)
+    own = free_values(search, hypothesis)
+    theta = fitted.theta.mean(axis=0)
+    first = search.parameters + 2 * slot
+
+    def deviation(value: int) -> float:
+        if value not in own:
+            return math.nan
+        return math.sqrt(max(float(known[own.index(value), own.index(value)]), 0.0))
+
+    if isinstance(kind, JointKind):
+        return _of_joint(search, fitted, kind, deviation)
+    size, scale = theta[first], hypothesis.scales[slot]
+    logarithmic = bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
+    value = scale * (math.exp(min(size, 700.0)) if logarithmic else size)
+    spread = abs(value) if logarithmic else scale
+    shape = math.exp(min(theta[first + 1], 700.0))
+    of_shape = shape * deviation(first + 1)
+    if isinstance(kind, SensorKind) and kind.acts == "limit":
+        return (Estimate(kind.size, shape, of_shape),)
+    found = (Estimate(kind.size, float(value), spread * deviation(first)),)
+    if isinstance(kind, ForceKind) and kind.shape is not None:
+        found += (Estimate(kind.shape, shape, of_shape),)
+    return found
+
+
+def determined(search: Search, fitted: Fitted) -> bool:
+    """Whether the sizes of all suspects of a fit are known to be other than none.
+
+    A free decay has no absolute scale, so that a sensor's gain is anything: what gains by it are
+    the joints. The size counts as if the shape were known: a slider that slips from the first has
+    a force, though neither its stiffness nor its slip is known.
+
+    Parameters
+    ----------
+    search : Search
+        That it was fitted with.
+    fitted : Fitted
+        The model.
+    """
+    # What evidence counts: an error of the model's own widens what is stated, not what is there.
+    known = covariance(search, fitted, False)
+    return bool(np.all(np.isfinite(known))) and all(
+        _determined(search, fitted, slot, known) for slot in range(len(fitted.hypothesis.kinds))
+    )
+
+
+def _determined(search: Search, fitted: Fitted, slot: int, known: np.ndarray) -> bool:
+    hypothesis, kind = fitted.hypothesis, fitted.hypothesis.kinds[slot]
+    if isinstance(kind, JointKind):
+        if kind.name == "joint_drift":
+            # Its size is that of every recording, not of the line through them alone.
+            return True
+        # Of friction the share that is lost, of a joint its strength or its stiffness.
+        found = estimates(search, fitted, slot)
+        off = [1.0 - each.value if kind.name == "stiction" else each.value for each in found[:2]]
+        return any(x > SURE * each.std for x, each in zip(off, found, strict=False))
+    own = free_values(search, hypothesis)
+    at = search.parameters + 2 * slot
+    places = [own.index(value) for value in (at, at + 1) if value in own]
+    if not places:
+        return True
+    precision = np.linalg.pinv(known[np.ix_(places, places)])[0, 0]
+    deviation = 1.0 / math.sqrt(max(float(precision), 1e-300))
+    logarithmic = at not in own or bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
+    # A logarithm is known by so many deviations of the size itself, which the limit of a sensor is.
+    size = 1.0 if logarithmic else abs(float(fitted.theta.mean(axis=0)[at]))
+    return bool(size > SURE * deviation)
+
+
+def _of_joint(
+    search: Search, fitted: Fitted, kind: JointKind, deviation: Callable[[int], float]
+) -> tuple[Estimate, ...]:
+    theta = fitted.theta.mean(axis=0)
+    if kind.name == "joint_drift":
+        known = covariance(search, fitted)
+        span = search.order[-1] - search.order[0]
+        found = []
+        for info, rate in zip(kind.parameters, rates(search, fitted.hypothesis), strict=True):
+            each = _PRIOR[info.name] / span
+            std = math.sqrt(max(float(known[rate, rate]), 0.0))
+            found.append(Estimate(info, each * float(fitted.x[rate]), each * std))
+        return tuple(found)
+    stuck = kind.name == "stiction"
+    places = [4] if stuck else list(range(search.parameters - 4, search.parameters))
+    joints = joints_of(search.joints, jax.device_put(theta[: search.parameters]))
+    joint = joints[0 if stuck else -1]
+    step = 1e-4
+    found = []
+    for info, place in zip(kind.parameters, places, strict=True):
+        moved = theta[: search.parameters].copy()
+        moved[place] += step
+        other = joints_of(search.joints, jax.device_put(moved))[0 if stuck else -1]
+        value = float(getattr(joint, info.name))
+        slope = (float(getattr(other, info.name)) - value) / step
+        found.append(Estimate(info, value, abs(slope) * deviation(place)))
+    return tuple(found)

@@ -1,0 +1,227 @@
+"""Hypotheses of one suspect each, as the search takes them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.discrepancy.effects import ForceKind, JointKind, SensorKind
+from iwanjax.discrepancy.histories.kernels import Joint, located
+from iwanjax.discrepancy.histories.places import Place
+from iwanjax.discrepancy.histories.predictor import Suspects
+from iwanjax.discrepancy.histories.problem import Hypothesis, Search, Start
+from iwanjax.joints import Iwan4, Iwan5
+
+_CHAIN = ("gain", "delay", "limit")
+# Prior deviations of theta and of a whole joint, as multiples of a given joint's.
+_LOOSE_THETA, _LOOSE_JOINT = 3.0, (4.0, 8.0, 1.5, 2.0)
+
+
+def force(
+    search: Search,
+    kind: ForceKind,
+    label: str,
+    row: np.ndarray,
+    z: np.ndarray,
+    size: float,
+    shape: float,
+) -> Start:
+    """A force of some size and shape at a place, the joints at z."""
+    suspects = search.empty()
+    scale = max(abs(size), 1e-300)
+    one = np.zeros(suspects.force.shape)
+    one[0, search.predictor.kinds.index(kind)] = scale
+    logarithmic = np.array([float(kind.positive)])
+    suspects = Suspects(*jax.device_put((row[None], one, suspects.chain, logarithmic)))
+    hypothesis = Hypothesis(
+        (kind,), (label,), suspects, (True,), (kind.shape is not None,), None, (scale,)
+    )
+    begin = 0.0 if kind.positive else math.copysign(1.0, size)
+    return Start(hypothesis, np.concatenate([z, [begin, math.log(shape)]]))
+
+
+def shrunk(search: Search, start: Start, share: float) -> Start:
+    """The same with a share of every size that is fitted."""
+    theta = start.theta.copy()
+    logarithmic = np.asarray(start.hypothesis.suspects.logarithmic) > 0
+    for slot, fitted in enumerate(start.hypothesis.sizes):
+        at = search.parameters + 2 * slot
+        if fitted and logarithmic[slot]:
+            theta[..., at] += math.log(share)
+        elif fitted:
+            theta[..., at] *= share
+    return Start(start.hypothesis, theta)
+
+
+def sensor(
+    search: Search, kind: SensorKind, which: int, label: str, z: np.ndarray, size: float
+) -> Start:
+    """A fault of a sensor: error of its gain, its delay in samples or its limit."""
+    suspects = search.empty()
+    one = np.zeros(suspects.chain.shape)
+    one[0, _CHAIN.index(kind.acts), which] = 1.0
+    limit = kind.acts == "limit"
+    positive = kind.positive and kind.fixed is None
+    suspects = suspects._replace(
+        chain=jax.device_put(one), logarithmic=jax.device_put(np.array([float(positive)]))
+    )
+    dt = float(search.predictor.dt) * search.predictor.substeps
+    hypothesis = Hypothesis(
+        (kind,),
+        (label,),
+        suspects,
+        (kind.fixed is None and not limit,),
+        (limit,),
+        None,
+        (dt if kind.acts == "delay" else 1.0,),
+    )
+    if kind.fixed is not None:
+        begin = kind.fixed
+    else:
+        begin = math.log(max(size, 1e-6)) if positive else size
+    values = [0.0, math.log(size)] if limit else [begin, 0.0]
+    return Start(hypothesis, np.concatenate([z, values]))
+
+
+def drift(search: Search, kind: JointKind, joint: int, label: str, z: np.ndarray) -> Start:
+    """A joint whose strength changes from recording to recording."""
+    hypothesis = replace(search.nothing(), kinds=(kind,), where=(label,), drifting=joint)
+    return Start(hypothesis, np.concatenate([z, [0.0, 0.0]]))
+
+
+def joined(search: Search, starts: Sequence[Start]) -> Start:
+    """Several suspects at once, each in slots of its own, the joints as in the first."""
+    first, p = starts[0], search.parameters
+    hypotheses = [start.hypothesis for start in starts]
+    drifting = [h.drifting for h in hypotheses if h.drifting is not None]
+    arrays = zip(*(h.suspects for h in hypotheses), strict=True)
+    suspects = Suspects(*(jax.device_put(np.concatenate(parts)) for parts in arrays))
+    return Start(
+        Hypothesis(
+            tuple(kind for h in hypotheses for kind in h.kinds),
+            tuple(where for h in hypotheses for where in h.where),
+            suspects,
+            tuple(x for h in hypotheses for x in h.sizes),
+            tuple(x for h in hypotheses for x in h.shapes),
+            drifting[0] if drifting else None,
+            tuple(x for h in hypotheses for x in h.scales),
+        ),
+        np.concatenate([first.common[:p], *(start.common[p:] for start in starts)]),
+    )
+
+
+def alone(search: Search, start: Start, slot: int) -> Start:
+    """One of several suspects without the others, all values as they are."""
+    h, p = start.hypothesis, search.parameters
+    part, kind = slice(slot, slot + 1), h.kinds[slot]
+    drifts = isinstance(kind, JointKind)
+    return Start(
+        Hypothesis(
+            h.kinds[part],
+            h.where[part],
+            Suspects(*(jax.device_put(np.asarray(x)[part]) for x in h.suspects)),
+            h.sizes[part],
+            h.shapes[part],
+            h.drifting if drifts else None,
+            h.scales[part],
+        ),
+        np.concatenate([start.common[:p], start.common[p + 2 * slot : p + 2 * slot + 2]]),
+    )
+
+
+def with_stiction(
+    search: Search,
+    kind: JointKind,
+    joint: int,
+    label: str,
+    thetas: Sequence[float],
+    z: np.ndarray,
+    beside: Start | None = None,
+) -> tuple[Search, list[Start]]:
+    """A joint whose kinetic friction is theta of the static one, and the search it takes.
+
+    Alone or beside a suspect. The joint comes first, so that one compiled kernel serves all.
+    """
+    order = [joint, *(i for i in range(len(search.joints)) if i != joint)]
+    given = search.joints[joint].given
+    values = {info.name: getattr(given, info.name) for info in given.parameters}
+    loose = jax.device_put(np.array([*np.ones(len(values)), _LOOSE_THETA]))
+    stuck = Joint(Iwan5(**values, theta=thetas[0]), loose)
+    joints = (stuck, *(search.joints[i] for i in order[1:]))
+    at = jnp.asarray(order)
+    predictor = eqx.tree_at(
+        lambda p: (p.joints, p.stiffness),
+        search.predictor,
+        (search.predictor.joints[at], search.predictor.stiffness[at]),
+    )
+    other = replace(search, predictor=predictor, joints=joints, compiled=set(), _process={})
+    ends = np.cumsum([len(each.given.parameters) for each in search.joints])
+    parts = np.split(z, ends[:-1])
+    starts = []
+    for theta in thetas:
+        # As much force in macroslip as before.
+        strength = float(values["F_S"]) / theta
+        own = np.append(parts[joint], 0.0) + located(stuck, {"F_S": strength, "theta": theta})
+        moved = np.concatenate([own, *(parts[i] for i in order[1:])])
+        start = _as_nothing(other, kind, label, moved)
+        if beside is not None:
+            start = joined(other, [start, _moved(beside, search.parameters, moved)])
+        starts.append(start)
+    return other, starts
+
+
+class Guess(NamedTuple):
+    """Where to begin with a joint: its stiffness, its slip, and the other joints' z."""
+
+    stiffness: float
+    slip: float
+    z: np.ndarray
+
+
+def with_joint(
+    search: Search,
+    kind: JointKind,
+    place: Place,
+    guesses: Sequence[Guess],
+    beside: Start | None = None,
+) -> tuple[Search, list[Start]]:
+    """One Iwan element more at a place, beside a suspect or alone, and the search it takes."""
+    first = guesses[0]
+    given = Iwan4(F_S=first.stiffness * first.slip, K_T=first.stiffness, chi=-0.5, beta=1.0)
+    more = Joint(given, jnp.asarray(_LOOSE_JOINT))
+    predictor = eqx.tree_at(
+        lambda p: (p.joints, p.stiffness),
+        search.predictor,
+        (
+            jnp.concatenate([search.predictor.joints, jnp.asarray(place.row)[None]]),
+            jnp.append(search.predictor.stiffness, 0.0),
+        ),
+    )
+    other = replace(
+        search, predictor=predictor, joints=(*search.joints, more), compiled=set(), _process={}
+    )
+    starts = []
+    for guess in guesses:
+        values = {"F_S": guess.stiffness * guess.slip, "K_T": guess.stiffness}
+        z = np.concatenate([guess.z, located(more, values)])
+        start = _as_nothing(other, kind, place.label, z)
+        if beside is not None:
+            start = joined(other, [start, _moved(beside, search.parameters, z)])
+        starts.append(start)
+    return other, starts
+
+
+def _moved(start: Start, parameters: int, z: np.ndarray) -> Start:
+    """A suspect among other joints than the ones it was found with."""
+    return start._replace(theta=np.concatenate([z, start.common[parameters:]]))
+
+
+def _as_nothing(search: Search, kind: JointKind, label: str, z: np.ndarray) -> Start:
+    """A kind that is in the joints themselves."""
+    hypothesis = replace(search.nothing(), kinds=(kind,), where=(label,))
+    return Start(hypothesis, np.append(z, [0.0, 0.0]))

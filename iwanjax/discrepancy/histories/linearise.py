@@ -1,0 +1,158 @@
+"""Residuals of hypotheses at some values, with their derivatives or without."""
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple, TypeVar
+
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.discrepancy.histories import kernels as sensitivity
+from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.predictor import Predictor, Suspects
+from iwanjax.discrepancy.histories.problem import Hypothesis, Search
+
+# Kernels that run at once, of one hypothesis each: as many to a kernel are no quicker together.
+# Derivatives come in as many parts, so that no core waits for a hypothesis on its own.
+_THREADS = 2
+
+_Found = TypeVar("_Found")
+
+
+class Seen(NamedTuple):
+    """Residuals at some values, recording by recording.
+
+    Attributes
+    ----------
+    misfit : (recordings,) array
+        Sums of the residuals' squares.
+    moment : (recordings, directions) array
+        J^T e.
+    normal : (recordings, directions, directions) array
+        J^T J.
+    residual : (recordings, N, sensors) array
+        e, weighted.
+    slopes : (recordings, directions, N, sensors) array
+        J, its derivatives.
+    """
+
+    misfit: np.ndarray
+    moment: np.ndarray
+    normal: np.ndarray
+    residual: np.ndarray
+    slopes: np.ndarray
+
+    @classmethod
+    def of(cls, residual: np.ndarray, slopes: np.ndarray) -> "Seen":
+        """What least squares needs of residuals and derivatives."""
+        e, J = residual.reshape(len(residual), -1), slopes.reshape(*slopes.shape[:2], -1)
+        # A run that breaks down may have derivatives beyond all bounds; no step is taken there.
+        with np.errstate(over="ignore", invalid="ignore"):
+            moment, normal = (J @ e[:, :, None])[:, :, 0], J @ np.swapaxes(J, 1, 2)
+        return cls(np.einsum("rn,rn->r", e, e), moment, normal, residual, slopes)
+
+    def beside(self, move: np.ndarray, residual: np.ndarray) -> "Seen":
+        r"""What is seen after a move, derivatives corrected only by what it has shown.
+
+        .. math:: J' = J + \frac{(\Delta e - J u)(Wu)^T}{u^T W u},
+
+        Broyden's update (1965) with W the squares of J's columns, so that units do not matter.
+
+        Parameters
+        ----------
+        move : (recordings, directions) array
+            u.
+        residual : (recordings, N, sensors) array
+            After it.
+        """
+        R, V = move.shape
+        J = self.slopes.reshape(R, V, -1)
+        weighed = np.einsum("rii->ri", self.normal) * move
+        square = np.einsum("ri,ri->r", weighed, move)
+        share = weighed / np.where(square > 0, square, np.inf)[:, None]
+        e = residual.reshape(R, -1)
+        surprise = e - self.residual.reshape(R, -1) - (move[:, None] @ J)[:, 0]
+        J = J + share[:, :, None] * surprise[:, None]
+        return Seen.of(residual, J.reshape(self.slopes.shape))
+
+
+def evaluate(
+    search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
+) -> list[Seen]:
+    """Residuals and their derivatives, for (hypothesis, theta of each recording)."""
+    if not lanes:
+        return []
+    gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles)
+    values = lanes[0][1].shape[1]
+    size = math.ceil(values / _THREADS)
+    # All parts are of one size, for one kernel.
+    ways = np.eye(_THREADS * size, values)
+    turned = np.zeros((len(lanes), len(ways), *gains.gain.shape[1:]))
+    turned[:, : gains.slope.shape[1]] = gains.slope
+
+    J = np.empty((len(lanes), search.recordings, len(ways), *search.data.response.shape[1:]))
+
+    def run(i: int) -> np.ndarray:
+        lane, part = i // _THREADS, slice(i % _THREADS * size, (i % _THREADS + 1) * size)
+        fixed = _fixed(search, *lanes[lane])
+        along = jax.device_put((ways[part], gains.gain[lane], turned[lane, part]))
+        e, J[lane, :, part] = sensitivity.slopes(*fixed, *along, search.data)
+        return np.asarray(e)
+
+    slots = lanes[0][0].suspects.row.shape[0]
+    found = _each(search, ("slopes", slots), _THREADS * len(lanes), run)
+    return [Seen.of(e, own[:, :values]) for e, own in zip(found[::_THREADS], J, strict=True)]
+
+
+def glance(
+    search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
+) -> list[np.ndarray]:
+    """Residuals alone, for a tenth of the price."""
+    return [residual for residual, _ in _glanced(search, lanes, cycles)]
+
+
+def innovations(
+    search: Search, hypothesis: Hypothesis, theta: np.ndarray, cycles: float
+) -> np.ndarray:
+    """Measured less predicted, (recordings, N, sensors): all frequencies, no weights."""
+    return _glanced(search, [(hypothesis, theta)], cycles)[0][1]
+
+
+def _glanced(
+    search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    if not lanes:
+        return []
+    gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles, slopes=False).gain
+
+    def run(i: int) -> tuple[np.ndarray, np.ndarray]:
+        fixed = _fixed(search, *lanes[i])
+        found = sensitivity.residuals(*fixed, gains[i], search.data)
+        return np.asarray(found[0]), np.asarray(found[1])
+
+    slots = lanes[0][0].suspects.row.shape[0]
+    return _each(search, ("residuals", slots), len(lanes), run)
+
+
+def _means(lanes: Sequence[tuple[Hypothesis, np.ndarray]]) -> np.ndarray:
+    return np.stack([theta.mean(axis=0) for _, theta in lanes])
+
+
+def _fixed(
+    search: Search, hypothesis: Hypothesis, theta: np.ndarray
+) -> tuple[Predictor, tuple[Joint, ...], Suspects, Array]:
+    return search.predictor, search.joints, hypothesis.suspects, jax.device_put(theta)
+
+
+def _each(
+    search: Search, kernel: tuple[str, int], count: int, run: Callable[[int], _Found]
+) -> list[_Found]:
+    """All jobs side by side; the first alone while a kernel is compiled: two would both do it."""
+    made = (*kernel, search.data.response.shape[1])
+    alone = 0 if made in search.compiled else 1
+    found = [run(i) for i in range(alone)]
+    search.compiled.add(made)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        return [*found, *pool.map(run, range(alone, count))]

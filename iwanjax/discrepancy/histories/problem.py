@@ -1,0 +1,281 @@
+"""Hypotheses, and what a search for their values rests on: predictor, data, observers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple, TypeAlias
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from iwanjax.discrepancy.effects import Kind
+from iwanjax.discrepancy.histories.kernels import Joint, tangents
+from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, stepped
+from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects
+
+# Rows of one call for the joints' tangents, and the step of a gain's derivatives.
+_ROWS, _NEAR = 64, 1e-4
+# What drifts in a joint.
+_DRIFTING = ("F_S", "K_T")
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What might be missing: one suspect in each slot, or a joint that drifts.
+
+    Attributes
+    ----------
+    kinds : tuple of Kind
+        Of the suspects; none is the model as it is.
+    where : tuple of str
+        Labels of their places, sensors or joints.
+    suspects : Suspects
+        As arrays.
+    sizes, shapes : tuple of bool
+        Which of the slots' sizes and shapes are fitted.
+    drifting : int or None
+        Joint whose strength changes between recordings.
+    scales : tuple of float
+        Units of the slots' sizes.
+    """
+
+    kinds: tuple[Kind, ...]
+    where: tuple[str, ...]
+    suspects: Suspects
+    sizes: tuple[bool, ...] = (False,)
+    shapes: tuple[bool, ...] = (False,)
+    drifting: int | None = None
+    scales: tuple[float, ...] = (1.0,)
+
+    @property
+    def label(self) -> str:
+        """kind@where of all suspects."""
+        pairs = zip(self.kinds, self.where, strict=True)
+        return " + ".join(f"{kind.name}@{where}" for kind, where in pairs) or "nothing"
+
+    @property
+    def variant(self) -> "Variant":
+        """Kinds with their places and forms, in no order: what tells one from all others."""
+        pairs = zip(self.kinds, self.where, strict=True)
+        return frozenset((kind.name, where, getattr(kind, "variant", "")) for kind, where in pairs)
+
+
+Variant: TypeAlias = frozenset[tuple[str, str, str]]
+
+
+class Start(NamedTuple):
+    """A hypothesis and where to begin.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+        Which.
+    theta : (values,) or (recordings, values) array
+        Joint parameters, sizes and shapes; by recording where a joint drifts.
+    """
+
+    hypothesis: Hypothesis
+    theta: np.ndarray
+
+    @property
+    def common(self) -> np.ndarray:
+        """What the recordings have in common, (values,)."""
+        return self.theta if self.theta.ndim == 1 else self.theta.mean(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What fits need: predictor, joints, data, and the sensors' noise for the observer.
+
+    Attributes
+    ----------
+    predictor : Predictor
+        Of the structure.
+    joints : tuple of Joint
+        About their given values.
+    data : Data
+        To be fitted.
+    noise : (sensors,) array
+        Deviations.
+    order : tuple of int
+        Places of the recordings in the study, by which a joint's drift is told.
+    compiled : set of (str, int, int)
+        Kernels that there are already, for how many slots and samples.
+    """
+
+    predictor: Predictor
+    joints: tuple[Joint, ...]
+    data: Data
+    noise: np.ndarray
+    order: tuple[int, ...]
+    compiled: set[tuple[str, int, int]] = field(default_factory=set, repr=False)
+    _process: dict[float, float] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def parameters(self) -> int:
+        """Number of joint parameters."""
+        return sum(len(joint.given.parameters) for joint in self.joints)
+
+    @property
+    def directions(self) -> int:
+        """In how many the state of a recording is uncertain."""
+        return self.data.unsure.shape[-1]
+
+    @property
+    def recordings(self) -> int:
+        """Number of recordings."""
+        return self.data.response.shape[0]
+
+    def with_steps_of(self, other: "Search") -> "Search":
+        """These joints on the steps between samples of another search for the same data."""
+        predictor = eqx.tree_at(
+            lambda p: (p.joints, p.stiffness),
+            other.predictor,
+            (self.predictor.joints, self.predictor.stiffness),
+        )
+        return replace(self, predictor=predictor, data=other.data, compiled=set(), _process={})
+
+    def nothing(self, slots: int = 1) -> Hypothesis:
+        """The model as it is."""
+        return Hypothesis(
+            (), (), self.empty(slots), (False,) * slots, (False,) * slots, None, (1.0,) * slots
+        )
+
+    def empty(self, slots: int = 1) -> Suspects:
+        """No suspects in so many slots."""
+        return self.predictor.blank(slots)
+
+    def still(self, theta: np.ndarray) -> np.ndarray:
+        """The same values for all recordings, or those of each, with no error of the state."""
+        rows = np.broadcast_to(theta, (self.recordings, theta.shape[-1]))
+        return np.hstack([rows, np.zeros((self.recordings, self.directions))])
+
+    def gains(
+        self, suspects: Sequence[Suspects], theta: np.ndarray, cycles: float, slopes: bool = True
+    ) -> "Gains":
+        """Observers designed for these very parameters, and how they change with them."""
+        dt = float(self.predictor.dt) * self.predictor.substeps
+        lanes, values = theta.shape
+        if cycles not in self._process:
+            A, H = self.rest()
+            self._process[cycles] = process_noise(
+                stepped(A, dt), H / self.noise[:, None], dt, cycles
+            )
+        size = self._process[cycles]
+        states, sensors = 2 * self.predictor.kept, len(self.noise)
+        found = Gains(
+            np.zeros((lanes, states, sensors)), np.zeros((lanes, values, states, sensors))
+        )
+        if size == 0.0:
+            return found
+        moved, owners = _neighbours(self, suspects, theta) if slopes else (theta[:0], [])
+        rows = np.concatenate([theta, moved])
+        which = [*range(lanes), *(lane for lane, _ in owners)]
+        systems = self._systems([suspects[i] for i in which], rows)
+        A, H = (np.stack(x) for x in zip(*systems, strict=True))
+        broken = ~np.all(np.isfinite(A), axis=(1, 2))
+        A[broken] = 0.0
+        gains = observer_gain(stepped(A, dt), H / self.noise[:, None], dt, size) / self.noise
+        found.gain[:] = gains[:lanes]
+        for (lane, value), gain in zip(owners, gains[lanes:], strict=True):
+            found.slope[lane, value] = (gain - gains[lane]) / _NEAR
+        return found
+
+    def rest(self) -> tuple[np.ndarray, np.ndarray]:
+        """State matrix and what the sensors see, of the model as given."""
+        return self.system(self.empty(), np.zeros(self.parameters + 2))
+
+    def system(self, suspects: Suspects, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """State matrix and what the sensors see, with other values and beside suspects."""
+        return self._systems([suspects], values[None])[0]
+
+    def _systems(
+        self, suspects: Sequence[Suspects], theta: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """State matrices and what the sensors see, one for each row of values."""
+        p = self.parameters
+        stiffness = []
+        for first in range(0, len(theta), _ROWS):
+            part = theta[first : first + _ROWS, :p]
+            padded = np.vstack([part, np.zeros((_ROWS - len(part), p))])
+            stiffness.append(np.asarray(tangents(self.joints, jax.device_put(padded)))[: len(part)])
+        found = []
+        for own, row, k in zip(suspects, theta, np.concatenate(stiffness), strict=True):
+            size = row[p : p + 2 * own.row.shape[0] : 2]
+            logarithmic = np.asarray(own.logarithmic) > 0
+            size = np.where(logarithmic, np.exp(np.minimum(size, 50.0)), size)
+            found.append(self.predictor.linear(k, own, size))
+        return found
+
+
+class Gains(NamedTuple):
+    """Observers of some lanes.
+
+    Attributes
+    ----------
+    gain : (lanes, states, sensors) array
+        Of the correction after each sample.
+    slope : (lanes, values, states, sensors) array
+        Their derivatives.
+    """
+
+    gain: np.ndarray
+    slope: np.ndarray
+
+
+def _neighbours(
+    search: Search, suspects: Sequence[Suspects], theta: np.ndarray
+) -> tuple[np.ndarray, list[tuple[int, int]]]:
+    """Values beside those of each lane, along all that a linear system depends on."""
+    rows, owners = [], []
+    stiff = [
+        i
+        for i, info in enumerate(info for joint in search.joints for info in joint.given.parameters)
+        if info.dimension == "force/length"
+    ]
+    for lane, own in enumerate(suspects):
+        sizes = [search.parameters + 2 * slot for slot in range(own.row.shape[0])]
+        active = np.any(np.asarray(own.force) != 0, axis=1) | np.any(
+            np.asarray(own.chain)[:, 0] != 0, axis=1
+        )
+        for value in [*stiff, *(i for i, on in zip(sizes, active, strict=True) if on)]:
+            beside = theta[lane].copy()
+            beside[value] += _NEAR
+            rows.append(beside)
+            owners.append((lane, value))
+    return np.array(rows).reshape(-1, theta.shape[1]), owners
+
+
+def free_values(search: Search, hypothesis: Hypothesis) -> list[int]:
+    """Places in theta of what is fitted and the same in all recordings."""
+    p = search.parameters
+    found = list(range(p))
+    for slot, (size, shape) in enumerate(zip(hypothesis.sizes, hypothesis.shapes, strict=True)):
+        found += [p + 2 * slot] * size + [p + 2 * slot + 1] * shape
+    return found
+
+
+def elapsed(search: Search, places: Sequence[int]) -> np.ndarray:
+    """How far a drift has come at places in the study: 0 in the first recording, 1 in the last."""
+    first, last = search.order[0], search.order[-1]
+    return (np.asarray(places, float) - first) / max(last - first, 1)
+
+
+def rates(search: Search, hypothesis: Hypothesis) -> list[int]:
+    """Places, in what is fitted, of how far the values that drift go in all."""
+    if hypothesis.drifting is None:
+        return []
+    first = len(free_values(search, hypothesis)) + search.recordings * search.directions
+    # Each is followed by how far the later recordings are off the line.
+    return [
+        first + i * search.recordings
+        for i in range(len(drifting_values(search, hypothesis.drifting)))
+    ]
+
+
+def drifting_values(search: Search, joint: int) -> list[int]:
+    """Places in theta of what drifts in a joint."""
+    first = sum(len(each.given.parameters) for each in search.joints[:joint])
+    names = [info.name for info in search.joints[joint].given.parameters]
+    return [first + names.index(name) for name in _DRIFTING if name in names]

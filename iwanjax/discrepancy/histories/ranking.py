@@ -1,0 +1,277 @@
+"""Fits by evidence: rounds of refits with one observer, and what it takes to be the verdict."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from iwanjax.discrepancy.effects import Kind
+from iwanjax.discrepancy.evidence import INDULGENCE, LEAST_GAIN
+from iwanjax.discrepancy.histories.likelihood import UNSURE, Evidence, evidence, scale
+from iwanjax.discrepancy.histories.multistart import Fitted, fit_all
+from iwanjax.discrepancy.histories.places import Place
+from iwanjax.discrepancy.histories.problem import Search
+from iwanjax.discrepancy.histories.score_test import Candidate, screen
+
+MIDDLE = 8.0
+"""Memory of the observer, in cycles, from which on fits are compared with one another."""
+STEPS = 12
+"""Steps of a search."""
+RACE = 10.0
+"""Times the best cost from which on a search is given up."""
+MISFIT = 1.2
+"""Squared residual over the noise's from which on a suspect is not all there is."""
+LEAST_PROMISE = 3.0
+"""Evidence that a screening has to promise before a suspect is refitted."""
+
+# Steps of a polish, and times the best cost from which on it is given up: what is left needs
+# no last digit.
+_POLISH, _HOPELESS = 15, 30.0
+# Times that a search may take its steps again.
+_MORE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Grounds:
+    """What may be suspected, and how long there is time.
+
+    Attributes
+    ----------
+    kinds : tuple of Kind
+        To be tried.
+    places : tuple of Place
+        Where forces may act.
+    sensors, joints : tuple of str
+        Labels.
+    in_time : function
+        False when it is time to stop.
+    progress : function
+        Told of every stage.
+    """
+
+    kinds: tuple[Kind, ...]
+    places: tuple[Place, ...]
+    sensors: tuple[str, ...]
+    joints: tuple[str, ...]
+    in_time: Callable[[], bool]
+    progress: Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A hypothesis in the competition.
+
+    Attributes
+    ----------
+    search : Search
+        That fits it.
+    fitted : Fitted
+        As far as it got.
+    behind : float
+        Log evidence less that of the best of its last round.
+    """
+
+    search: Search
+    fitted: Fitted
+    behind: float = 0.0
+
+
+def screened(search: Search, base: Fitted, grounds: Grounds) -> list[Candidate]:
+    """All that may be suspected beside a fit, the most promising first."""
+    known = (grounds.kinds, grounds.places, grounds.sensors, grounds.joints)
+    return screen(search, base, *known, grounds.in_time)
+
+
+def settled(search: Search, fitted: Fitted, grounds: Grounds) -> Fitted:
+    """A fit, gone on with alone until its search ends by itself.
+
+    What a search leaves that crept along a valley looks as if something were missing.
+    """
+    for _ in range(_MORE):
+        if fitted.converged or not grounds.in_time():
+            break
+        (fitted,) = fit_all(search, [fitted.start], fitted.cycles, STEPS, in_time=grounds.in_time)
+    return fitted
+
+
+def placed(entries: Sequence[Entry]) -> list[Entry]:
+    """Entries of one round that did not break down, the best first, each with its distance."""
+    entries = [entry for entry in entries if math.isfinite(entry.fitted.cost)]
+    if not entries:
+        return []
+    values = evidence(entries[0].search, [entry.fitted for entry in entries]).values
+    placed = [
+        replace(entry, behind=float(value - values.max()))
+        for entry, value in zip(entries, values, strict=True)
+    ]
+    return sorted(placed, key=cost_of)
+
+
+def least(nominal: Fitted, entries: Sequence[Entry]) -> Fitted:
+    """The best fit with the nominal one's memory."""
+    same = [e.fitted for e in entries if e.fitted.cycles == nominal.cycles]
+    return min([nominal, *same], key=lambda each: each.cost)
+
+
+def cost_of(entry: Entry) -> float:
+    """To sort by."""
+    return entry.fitted.cost
+
+
+def distinct(entries: Sequence[Entry]) -> list[Entry]:
+    """Of each hypothesis the one that fits best with the longest memory, the best first."""
+    found = {
+        entry.fitted.hypothesis.variant: entry
+        for entry in sorted(entries, key=lambda e: (e.fitted.cycles, -cost_of(e)))
+    }
+    return sorted(found.values(), key=cost_of)
+
+
+def again(
+    entries: Sequence[Entry],
+    others: Sequence[Entry],
+    cycles: float,
+    grounds: Grounds,
+) -> list[Entry]:
+    """Entries refitted with another memory, those of one search side by side; then the others.
+
+    The best one's search first, so that those of others need not go on for nothing.
+    """
+    found: list[Entry] = []
+    groups: dict[tuple[int, int], list[Entry]] = {}
+    for entry in sorted(entries, key=cost_of):
+        key = (id(entry.search), len(entry.fitted.hypothesis.sizes))
+        groups.setdefault(key, []).append(entry)
+    long = cycles > MIDDLE
+    for group in groups.values():
+        starts = [entry.fitted.start for entry in group]
+        fits = fit_all(
+            group[0].search,
+            starts,
+            cycles,
+            _POLISH if long else STEPS,
+            tolerance=1e-4 if long else 1e-3,
+            race=_HOPELESS,
+            best=min(map(cost_of, found), default=math.inf),
+            in_time=grounds.in_time,
+        )
+        found += [replace(entry, fitted=fit) for entry, fit in zip(group, fits, strict=True)]
+    return [*sorted(found, key=cost_of), *others]
+
+
+# Squared residual of a kind over that of its limit from which on it does not explain as much.
+_AS_MUCH = 1.02
+# Entries that are fitted to the free run, by evidence with and without what limits are granted;
+# and how far behind without it they may be to change places there: a longer memory finds errors
+# of the model's own, not other evidence of that size.
+_FINALISTS, _BEST_FITS, _HOPE = 3, 2, 100.0
+# Squared residual over the number of values that noise and the model-error allowance leave.
+_NOISE = 1.0
+
+
+def finalists(base: Entry, entries: Sequence[Entry]) -> list[Entry]:
+    """The best by evidence, and those that fit best whatever else speaks against them.
+
+    Rivals that are far behind stay where they are. Between a kind and its limit the free run
+    decides as well: with a short memory they may differ by less than the model's own errors.
+    """
+    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
+    values = evidence(base.search, [e.fitted for e in same]).values
+    order = [same[i] for i in np.argsort(-values, kind="stable")]
+    hopeful = [e for e, value in zip(same, values, strict=True) if value > values.max() - _HOPE]
+    chosen = dict.fromkeys([*entries[:_FINALISTS], *order[:_BEST_FITS]])
+    return [e for e in chosen if e is entries[0] or e in hopeful]
+
+
+def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
+    """By evidence of fits with the same memory; those with another keep their distance."""
+    if not entries:
+        return base, []
+    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
+    table = evidence(base.search, [base.fitted, *(e.fitted for e in same)])
+    values = _granted(base, same, table)
+    # Rivals are told apart by what the best of them leaves, its own errors included. That nothing
+    # is missing is held against the noise: a poor fit is no reason to ask for more evidence.
+    noise = table.at(base.search, [base.fitted, *(e.fitted for e in same)], _NOISE)
+    strict = _granted(base, same, noise) if table.temperature > _NOISE else values
+    gain = float(strict[1:].max() - strict[0]) if same else 0.0
+    behind = values[1:] - values[1:].max() + min(gain, 0.0) if same else values[1:]
+    first = [replace(e, behind=float(b)) for e, b in zip(same, behind, strict=True)]
+    floor = min((e.behind for e in first), default=0.0)
+    left = [replace(e, behind=min(e.behind, floor)) for e in entries if e not in same]
+    base = replace(base, behind=min(-gain, 0.0))
+    return base, [*sorted(first, key=lambda e: -e.behind), *left]
+
+
+def _granted(base: Entry, same: Sequence[Entry], table: Evidence) -> np.ndarray:
+    """Log evidences of nothing and of entries, with what either is granted."""
+    values = np.array(table.values)
+    # For nothing the residual counts a little less: what the model's own errors are worth.
+    values[0] += INDULGENCE * table.worth(base.fitted)
+    # What has simpler kinds for its limits, or is two at once, has to explain so much more.
+    for i, e in enumerate(same, 1):
+        margin, simpler = INDULGENCE * table.worth(e.fitted), _simpler(e) | _alone(e)
+        if any(
+            _parts(o) in simpler and values[j] > values[i] - margin for j, o in enumerate(same, 1)
+        ):
+            values[i] -= margin
+    return values
+
+
+def doubted(search: Search, entries: Sequence[Entry]) -> list[Entry]:
+    """The same, as far behind the best one as its own error lets them be.
+
+    For nothing, which the model's own error has been granted to already, nothing changes.
+    """
+    best = entries[0].fitted
+    table = evidence(search, [best])
+    share = table.temperature * table.tau / scale(search, best, UNSURE)
+    return [replace(e, behind=e.behind * share) for e in entries]
+
+
+def missing(base: Entry, best: Entry) -> bool:
+    """Whether the evidence for the best suspect is enough against nothing."""
+    return best.behind - base.behind > LEAST_GAIN
+
+
+def containing(best: Entry, entries: Sequence[Entry]) -> tuple[tuple[str, str], ...]:
+    """Suspects of the best entry, each with one it is a limit of and that explains as much.
+
+    Both as kind@where.
+
+    A joint that never slips is a spring and one that always does a slider: where the simpler
+    one does, no data speaks against the other.
+    """
+    parts = _parts(best)
+    return tuple(
+        ("@".join(limit), "@".join(whole))
+        for e in entries
+        if parts in _simpler(e)
+        and e.fitted.cycles == best.fitted.cycles
+        and e.fitted.cost < _AS_MUCH * best.fitted.cost
+        for limit, whole in zip(parts - _parts(e), _parts(e) - parts, strict=True)
+    )
+
+
+def _parts(entry: Entry) -> frozenset[tuple[str, str]]:
+    """What is suspected, and where."""
+    hypothesis = entry.fitted.hypothesis
+    names = (kind.name for kind in hypothesis.kinds)
+    return frozenset(zip(names, hypothesis.where, strict=True))
+
+
+def _alone(entry: Entry) -> set[frozenset[tuple[str, str]]]:
+    """Each of several suspects."""
+    parts = _parts(entry)
+    return {frozenset([part]) for part in parts} if len(parts) > 1 else set()
+
+
+def _simpler(entry: Entry) -> set[frozenset[tuple[str, str]]]:
+    """The same with one suspect's limit in its place."""
+    parts, hypothesis = _parts(entry), entry.fitted.hypothesis
+    return {
+        parts - {(kind.name, where)} | {(limit, where)}
+        for kind, where in zip(hypothesis.kinds, hypothesis.where, strict=True)
+        for limit in getattr(kind, "limits", ())
+    }

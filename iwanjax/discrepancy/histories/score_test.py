@@ -1,0 +1,232 @@
+"""Which suspects would explain what the joints cannot."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.discrepancy.effects import JointKind, Kind, SensorKind
+from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.histories.columns import Unit, columns, columns_at_rest, faults, units
+from iwanjax.discrepancy.histories.linearise import evaluate, glance
+from iwanjax.discrepancy.histories.multistart import Fitted
+from iwanjax.discrepancy.histories.places import Place
+from iwanjax.discrepancy.histories.problem import Search, Start, drifting_values, free_values
+
+# Share of the largest value a sensor showed, where it may have been cut: noise lies above.
+_LIMIT = 0.98
+# Share of a column's square below which the joints explain all of it.
+_EXPLAINED = 1e-12
+# Forces that are judged about the motion itself, those that promise most about the state of rest.
+_MOVING = 32
+
+
+class Candidate(NamedTuple):
+    """A suspect, judged at size zero.
+
+    Attributes
+    ----------
+    start : Start
+        At the size that the linearised residuals ask for.
+    drop : float
+        Share of the squared residual that it would take away, the joints refitted.
+    """
+
+    start: Start
+    drop: float
+
+
+def screen(
+    search: Search,
+    base: Fitted,
+    kinds: Sequence[Kind],
+    places: Sequence[Place],
+    sensors: Sequence[str],
+    joints: Sequence[str],
+    in_time: Callable[[], bool] = lambda: True,
+) -> list[Candidate]:
+    r"""Score every kind at every place by what it would take off the residual.
+
+    With the column h of a suspect's size at zero and the residual e, both less what the joints'
+    parameters explain, the squared residual falls by :math:`(h^Te)^2/(h^Th)`. Shapes are
+    tried on the small grids of the catalogue; limits of sensors as they are, for they have no
+    derivative at infinity; a drift by the joint's own columns, cut by recordings. Forces that
+    promise little with the joints at rest are judged by that alone.
+
+    Parameters
+    ----------
+    search : Search
+        Predictor and data.
+    base : Fitted
+        The model with its joints refitted, and the suspects found so far.
+    kinds : sequence of Kind
+        To be tried.
+    places : sequence of Place
+        Where forces may act.
+    sensors, joints : sequence of str
+        Labels.
+    in_time : function
+        False when it is time to stop.
+
+    Returns
+    -------
+    list of Candidate
+        For each kind and place the best shape, the largest drop first; none where there was no
+        time to judge them all.
+    """
+    p = search.parameters
+    z, states = base.theta.mean(axis=0)[:p], base.theta[:, base.values :]
+    others = [base.start] if base.hypothesis.kinds else []
+    (seen,) = evaluate(search, [(base.hypothesis, base.theta)], base.cycles)
+    shared = free_values(search, base.hypothesis)
+    slopes = np.moveaxis(np.asarray(seen.slopes), 1, 0)
+    slopes = slopes.reshape(*slopes.shape[:2], -1)
+    known = slopes[shared]
+    explained = _explained(search, np.concatenate([known, slopes[base.values :]]), len(shared))
+    basis, _ = np.linalg.qr(explained)
+    whole = np.concatenate([base.residual.ravel(), z, states.ravel()])
+    left = whole - basis @ (basis.T @ whole)
+    total = float(left @ left)
+    best: dict[tuple[str, str], tuple[float, Callable[[], Start]]] = {}
+
+    def propose(kind: Kind, where: str, drop: float, start: Callable[[], Start]) -> None:
+        # Two forms of one name stand side by side.
+        key = (f"{kind.name}@{where}", getattr(kind, "variant", ""))
+        if key not in best or drop > best[key][0]:
+            best[key] = (drop, start)
+
+    def rated(made: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes that columns ask for, and their drops; none where the model broke down."""
+        h = made.reshape(len(made), base.residual.size)
+        with np.errstate(over="ignore", invalid="ignore"):
+            alone, toward = np.sum(h**2, axis=1), -(h @ left[: h.shape[1]])
+            square = alone - np.sum((h @ basis[: h.shape[1]]) ** 2, axis=1)
+            usable = np.isfinite(square) & (square > _EXPLAINED * alone)
+        toward = np.where(usable, toward, 0.0)
+        size = toward / np.where(usable, square, 1.0)
+        return size, size * toward / total
+
+    if not in_time():
+        return []
+    forces, of_sensors = units(search, base, kinds, places), faults(search, kinds, sensors, z)
+    for unit, size, drop in _judged(search, base, forces, of_sensors, rated, in_time):
+        if size != 0 and not (unit.kind.positive and size < 0):
+            propose(unit.kind, unit.where, drop, partial(unit.sized, size))
+    if not in_time():
+        return []
+    ready = _limits(search, base, others, kinds, sensors, z)
+    if base.hypothesis.drifting is None:
+        ready += _drifts(search, kinds, joints, known, explained, whole, total, z)
+    for start, drop in ready:
+        (kind,), (where,) = start.hypothesis.kinds, start.hypothesis.where
+        propose(kind, where, drop, lambda start=start: start)
+    return [
+        Candidate(suspicion.joined(search, [*others, start()]), drop)
+        for drop, start in sorted(best.values(), key=lambda each: -each[0])
+    ]
+
+
+def _judged(
+    search: Search,
+    base: Fitted,
+    forces: Sequence[Unit],
+    of_sensors: Sequence[Unit],
+    rated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    in_time: Callable[[], bool],
+) -> Iterator[tuple[Unit, float, float]]:
+    """All with size and drop: about the motion itself, but for forces that promise little."""
+    found = np.zeros((2, len(forces)))
+    if len(forces) > _MOVING:
+        for which, made in columns_at_rest(search, base, forces):
+            found[:, which] = rated(made)
+    if not in_time():
+        return
+    best = np.argsort(-found[1], kind="stable")[:_MOVING]
+    moving = columns(search, base, [*(forces[i] for i in best), *of_sensors])
+    exact = np.array(rated(moving))
+    found[:, best] = exact[:, : len(best)]
+    found = np.hstack([found, exact[:, len(best) :]])
+    for unit, (size, drop) in zip([*forces, *of_sensors], found.T.tolist(), strict=True):
+        yield unit, size, drop
+
+
+def _explained(search: Search, made: np.ndarray, shared: int) -> np.ndarray:
+    """Columns of what is fitted: shared values, then the state of each recording; and priors."""
+    f, R, size = made.shape
+    p, k = search.parameters, f - shared
+    columns = np.zeros((R * size, shared + R * k))
+    columns[:, :shared] = made[:shared].reshape(shared, R * size).T
+    for r in range(R):
+        at = slice(shared + r * k, shared + (r + 1) * k)
+        columns[r * size : (r + 1) * size, at] = made[shared:, r].T
+    prior = np.zeros((p + R * k, shared + R * k))
+    prior[:p, :p] = np.eye(p)
+    prior[p:, shared:] = np.eye(R * k)
+    return np.vstack([columns, prior])
+
+
+def _drifts(
+    search: Search,
+    kinds: Sequence[Kind],
+    joints: Sequence[str],
+    known: np.ndarray,
+    explained: np.ndarray,
+    whole: np.ndarray,
+    total: float,
+    z: np.ndarray,
+) -> list[tuple[Start, float]]:
+    """Drops by the columns of a joint's strength in each recording on its own."""
+    _, R, size = known.shape
+    found = []
+    for kind in kinds:
+        if not (isinstance(kind, JointKind) and kind.name == "joint_drift") or R < 2:
+            continue
+        for j, label in enumerate(joints):
+            own = drifting_values(search, j)
+            cut = np.zeros((len(own), R - 1, R, size))
+            for i, value in enumerate(own):
+                for r in range(1, R):
+                    cut[i, r - 1, r] = known[value, r]
+            more = cut.reshape(-1, R * size).T
+            blank = np.zeros((len(whole) - R * size, more.shape[1]))
+            basis, _ = np.linalg.qr(np.hstack([explained, np.vstack([more, blank])]))
+            rest = whole - basis @ (basis.T @ whole)
+            start = suspicion.drift(search, kind, j, label, z)
+            found.append((start, 1.0 - float(rest @ rest) / total))
+    return found
+
+
+def _limits(
+    search: Search,
+    base: Fitted,
+    others: Sequence[Start],
+    kinds: Sequence[Kind],
+    sensors: Sequence[str],
+    z: np.ndarray,
+) -> list[tuple[Start, float]]:
+    """Drops of faults that are tried as they are, beside the others: limits and wrong signs."""
+    largest = np.max(np.abs(np.asarray(search.data.response)), axis=(0, 1))
+    starts = []
+    for kind in kinds:
+        if not isinstance(kind, SensorKind):
+            continue
+        for i, label in enumerate(sensors):
+            if kind.acts == "limit":
+                limit = _LIMIT * float(largest[i])
+                starts.append(suspicion.sensor(search, kind, i, label, z, limit))
+            elif kind.fixed is not None:
+                starts.append(suspicion.sensor(search, kind, i, label, z, 0.0))
+    if not starts:
+        return []
+    states = base.theta[:, base.values :]
+    whole = [suspicion.joined(search, [*others, start]) for start in starts]
+    lanes = [
+        (s.hypothesis, np.hstack([np.tile(s.theta, (search.recordings, 1)), states])) for s in whole
+    ]
+    seen = glance(search, lanes, base.cycles)
+    before = float(base.misfit.sum())
+    return [
+        (start, 1.0 - float(np.sum(each**2)) / before)
+        for start, each in zip(starts, seen, strict=True)
+    ]

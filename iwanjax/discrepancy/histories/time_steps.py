@@ -1,0 +1,233 @@
+"""As many steps between samples as change no residual any more."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.discrepancy.failures import attempted
+from iwanjax.discrepancy.histories.conditioning import Prepared, directions_of, prepared
+from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.likelihood import left_by_noise
+from iwanjax.discrepancy.histories.linearise import glance, innovations
+from iwanjax.discrepancy.histories.macroslip import alternatives
+from iwanjax.discrepancy.histories.predictor import Predictor
+from iwanjax.discrepancy.histories.problem import Hypothesis, Search
+from iwanjax.discrepancy.histories.ranking import MIDDLE, Entry
+from iwanjax.discrepancy.histories.recordings import Transient
+from iwanjax.discrepancy.histories.validation import Free, free_run
+from iwanjax.dynamics.coordinates import ModalCoordinates
+from iwanjax.errors import InputError
+
+# Steps between samples: the fewest, and the most that are tried.
+_SUBSTEPS, _MOST_SUBSTEPS = 2, 4
+# Angle by which the fastest mode may turn in a step before more steps are compared with it, and
+# their difference that is none beside the noise: while suspects are compared, where its square
+# may look like something more that is missing; with the same memory in the end; and in the free
+# run, where errors add up.
+_TURN, _COMPARED, _SAME_AS = 0.7, {MIDDLE: 0.4}, {MIDDLE: 0.3, math.inf: 0.7}
+# Squared residual over the noise's from which on a fit may want for steps.
+_MORE_THAN_NOISE = 1.1
+# Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
+# worth that much.
+_OTHER_UNITS = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """Recordings to fit, and those held out in batches of the same size."""
+
+    fitted: Prepared
+    order: tuple[int, ...]
+    held: tuple[tuple[Prepared, tuple[int, ...]], ...]
+
+    @classmethod
+    def of(
+        cls,
+        recordings: Sequence[Transient],
+        made: Predictor,
+        modal: ModalCoordinates,
+        known: np.ndarray,
+    ) -> "Sides":
+        """All of them for one predictor, the noise of their sensors known.
+
+        Those held out are filled up to the length of those to fit, for one kernel; longer ones
+        have kernels of their own, so that no step of a fit runs on through their length.
+        """
+        order = tuple(i for i, each in enumerate(recordings) if each.use == "fit")
+        rest = [i for i, each in enumerate(recordings) if each.use == "hold_out"]
+        count, directions = len(order), directions_of(recordings, made)
+        fitted = max(len(recordings[i].response) for i in order)
+
+        def taken(those: Sequence[int]) -> Prepared:
+            length = max([fitted, *(len(recordings[i].response) for i in those)])
+            return prepared(
+                [recordings[i] for i in those], made, modal, known, length, count, directions
+            )
+
+        held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
+        return cls(taken(order), order, tuple((taken(those), those) for those in held))
+
+    def free(
+        self, entry: Entry, failures: list[str], *, replaced: bool = False
+    ) -> tuple[Free, Free | None]:
+        """Free runs against both; without those held out where their run fails.
+
+        Of a model that another one replaces nobody asks how unsure macroslip leaves it.
+        """
+        other = [] if replaced else alternatives(entry.search, entry.fitted)
+        fitted = free_run(entry.search, entry.fitted, other, [(self.fitted, self.order)])
+        if not self.held:
+            return fitted, None
+        return fitted, attempted(
+            "predicting the held-out recordings",
+            lambda: free_run(entry.search, entry.fitted, other, self.held),
+            None,
+            failures,
+        )
+
+    def warnings(self) -> list[str]:
+        """What a verdict on so little may miss."""
+        told = []
+        if not self.held:
+            told.append("No recording was held out, so nothing shows that the verdict holds")
+        if len(self.order) == 1:
+            told.append("One recording alone tells little of amplitude, and nothing of repetition")
+        return told
+
+
+class Resolved(NamedTuple):
+    """Recordings and what fits them, with some number of steps between samples.
+
+    Attributes
+    ----------
+    sides : Sides
+        Recordings to fit, and those held out.
+    search : Search
+        Of the former.
+    modal : ModalCoordinates
+        Modes that both are in.
+    """
+
+    sides: Sides
+    search: Search
+    modal: ModalCoordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Resolution:
+    """Recordings that can be taken with any number of steps between samples.
+
+    Attributes
+    ----------
+    made : function
+        Steps between samples -> predictor and modes.
+    joints : tuple of Joint
+        About their given values.
+    recordings : sequence of Transient
+        All of them.
+    noise : (sensors,) array
+        Deviations.
+    """
+
+    made: Callable[[int], tuple[Predictor, ModalCoordinates]]
+    joints: tuple[Joint, ...]
+    recordings: Sequence[Transient]
+    noise: np.ndarray
+
+    def of_model(self) -> Resolved:
+        """With steps that do while suspects of the model as given are compared.
+
+        Raises
+        ------
+        InputError
+            Where units seem to be mixed up.
+        """
+        coarse = self._at(_SUBSTEPS)
+        _require_same_units(coarse.search)
+        if not _fast(coarse):
+            return coarse
+        return self._finer(coarse, coarse.search, *_given(coarse.search), _COMPARED)
+
+    def of_free_run(self, now: Resolved, best: Entry) -> Resolved:
+        """With steps that do for a free run as well: ``now`` itself, where modes are slow."""
+        return self._of(now, best) if _fast(now) else now
+
+    def of_fit(self, now: Resolved, best: Entry) -> Resolved:
+        """With steps that do for a fit: ``now`` itself, where these are enough.
+
+        A stiff suspect may want more than the model without it.
+        """
+        left = best.fitted.cost / left_by_noise(best.search)
+        return self._of(now, best) if left > _MORE_THAN_NOISE else now
+
+    def _of(self, now: Resolved, best: Entry) -> Resolved:
+        fitted = best.fitted
+        return self._finer(now, best.search, fitted.hypothesis, fitted.theta, _SAME_AS)
+
+    def _finer(
+        self,
+        now: Resolved,
+        search: Search,
+        hypothesis: Hypothesis,
+        theta: np.ndarray,
+        same: Mapping[float, float],
+    ) -> Resolved:
+        steps = now.search.predictor.substeps
+        if steps >= _MOST_SUBSTEPS:
+            return now
+        finest = self._at(_MOST_SUBSTEPS)
+        finer = search.with_steps_of(finest.search)
+        changed = max(
+            _change(search, finer, hypothesis, theta, cycles) / unit
+            for cycles, unit in same.items()
+        )
+        # Errors of fourth order in the step, of which the finest ones have next to nothing.
+        enough = math.ceil(steps * changed**0.25)
+        if enough >= _MOST_SUBSTEPS:
+            return finest
+        return self._at(enough) if enough > steps else now
+
+    def _at(self, substeps: int) -> Resolved:
+        by, modal = self.made(substeps)
+        sides = Sides.of(self.recordings, by, modal, self.noise)
+        noise = np.median(sides.fitted.noise, axis=0)
+        return Resolved(
+            sides, Search(by, self.joints, sides.fitted.data, noise, sides.order), modal
+        )
+
+
+def _change(
+    search: Search, finer: Search, hypothesis: Hypothesis, theta: np.ndarray, cycles: float
+) -> float:
+    """What finer steps change in the residuals of the recording that changes most."""
+    lanes = [(hypothesis, theta)]
+    off = glance(finer, lanes, cycles)[0] - glance(search, lanes, cycles)[0]
+    return float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2)))))
+
+
+def _fast(coarse: Resolved) -> bool:
+    """Whether the fastest mode turns too far in a step for errors to be taken for none."""
+    by = coarse.search.predictor
+    return math.sqrt(float(np.max(by.omega2))) * float(by.dt) > _TURN
+
+
+def _given(search: Search) -> tuple[Hypothesis, np.ndarray]:
+    """The model with its joints as given."""
+    return search.nothing(), search.still(np.zeros(search.parameters + 2))
+
+
+def _require_same_units(search: Search) -> None:
+    """Refuse recordings that are of quite another size than the forces can have caused."""
+    quantity = search.predictor.quantity
+    seen = np.asarray(search.data.weight) > 0
+    measured = np.asarray(search.data.response)[seen]
+    predicted = measured - innovations(search, *_given(search), math.inf)[seen]
+    ratio = math.sqrt(float(np.mean(measured**2) / np.mean(predicted**2)))
+    if math.isfinite(ratio) and not 1.0 / _OTHER_UNITS < ratio < _OTHER_UNITS:
+        raise InputError(
+            f"recordings: the measured {quantity} is {ratio:.2g} times what the model predicts "
+            "from the forces; are forces, responses and matrices in one system of units?"
+        )

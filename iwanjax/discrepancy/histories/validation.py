@@ -1,0 +1,302 @@
+"""Validation in the free run: errors, what noise leaves, and what held-out recordings refuse."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.discrepancy.diagnosis import Refused
+from iwanjax.discrepancy.histories.conditioning import Prepared
+from iwanjax.discrepancy.histories.likelihood import covariance
+from iwanjax.discrepancy.histories.linearise import evaluate, glance
+from iwanjax.discrepancy.histories.macroslip import Alternative
+from iwanjax.discrepancy.histories.multistart import Fitted
+from iwanjax.discrepancy.histories.problem import (
+    Search,
+    drifting_values,
+    elapsed,
+    free_values,
+    rates,
+)
+from iwanjax.discrepancy.histories.ranking import Entry, doubted, missing, ranked
+from iwanjax.discrepancy.histories.selection import Table
+from iwanjax.discrepancy.judgement import worse
+from iwanjax.signals.comparison_band import OF_NOISE
+
+# Memories with which the state of a decay is estimated, one step of Gauss and Newton each.
+_MEMORIES = (8.0, 8.0, 40.0, math.inf, math.inf)
+
+
+class Free(NamedTuple):
+    """A free run against some recordings.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the recordings.
+    error : (recordings, N, sensors) array
+        Measured less predicted; zero where nothing was measured.
+    measured : (recordings, N, sensors) array
+        As recorded, zero likewise.
+    noise : (recordings,) array
+        Mean square that the sensors' noise and the forces' leave, summed over the samples.
+    scatter : (recordings,) array
+        Variance of that sum: the forces' noise goes a few ways only, and so may leave much more
+        than its mean.
+    unsure : (recordings,) array
+        The same of what the fitted recordings leave open of the parameters: linearised, and of
+        where macroslip begins.
+    """
+
+    names: tuple[str, ...]
+    error: np.ndarray
+    measured: np.ndarray
+    noise: np.ndarray
+    scatter: np.ndarray
+    unsure: np.ndarray
+
+    @property
+    def relative(self) -> float:
+        """Root mean square of the error over that of what was measured; infinite if it diverges."""
+        return math.sqrt(float(np.sum(_squares(self.error)) / np.sum(self.measured**2)))
+
+    @property
+    def floor(self) -> float:
+        """The same of a perfect model."""
+        return math.sqrt(float(np.sum(self.noise) / np.sum(self.measured**2)))
+
+    @property
+    def floor_95(self) -> float:
+        """What a perfect model exceeds in one case of twenty."""
+        square = _quantile(np.sum(self.noise), np.sum(self.scatter))
+        return math.sqrt(float(square / np.sum(self.measured**2)))
+
+    @property
+    def spread(self) -> float:
+        """The same of what uncertain parameters leave."""
+        return math.sqrt(float(np.sum(self.unsure) / np.sum(self.measured**2)))
+
+    def by_recording(self) -> Mapping[str, float]:
+        """Relative errors, one for each recording."""
+        square, whole = (_squares(x) for x in (self.error, self.measured))
+        return dict(zip(self.names, np.sqrt(square / whole).tolist(), strict=True))
+
+    def floors(self) -> Mapping[str, float]:
+        """The same of a perfect model."""
+        return self._by_name(self.noise)
+
+    def floors_95(self) -> Mapping[str, float]:
+        """What a perfect model exceeds in one case of twenty."""
+        return self._by_name(_quantile(self.noise, self.scatter))
+
+    def _by_name(self, square: np.ndarray) -> Mapping[str, float]:
+        shares = np.sqrt(square / np.sum(self.measured**2, axis=(1, 2)))
+        return dict(zip(self.names, shares.tolist(), strict=True))
+
+
+def _squares(x: np.ndarray) -> np.ndarray:
+    """Sum over each recording; infinite where a prediction has left the numbers."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = np.sum(x**2, axis=(1, 2))
+    return np.where(np.isnan(square), math.inf, square)
+
+
+def _quantile(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """Exceeded in one case of twenty by a sum of squares, as if gamma-distributed."""
+    from scipy.special import gammaincinv
+
+    unit = variance / mean
+    return np.where(unit > 0, gammaincinv(mean / np.maximum(unit, 1e-300), 0.95) * unit, mean)
+
+
+def free_run(
+    search: Search,
+    fitted: Fitted,
+    other: Sequence[Alternative],
+    batches: Sequence[tuple[Prepared, Sequence[int]]],
+) -> Free:
+    """A fitted model against recordings, integrated from rest under the measured forces.
+
+    A free decay is integrated from the state that suits it best.
+
+    Parameters
+    ----------
+    search : Search
+        That the model was fitted with.
+    fitted : Fitted
+        The model.
+    other : sequence of Alternative
+        Joints that the fitted recordings leave open as well.
+    batches : sequence of (Prepared, places)
+        Recordings, as many to a batch as were fitted, with their places in the study, by which
+        a joint's drift is told.
+    """
+    # A model that diverges beyond what it was fitted to says so by its error.
+    with np.errstate(over="ignore", invalid="ignore"):
+        parts = [_free(search, fitted, other, each, places) for each, places in batches]
+    return joined(parts)
+
+
+def joined(parts: Sequence[Free]) -> Free:
+    """Recordings one after the other, the shorter ones filled up with zeros."""
+    names = tuple(name for part in parts for name in part.names)
+    longest = max(part.error.shape[1] for part in parts)
+
+    def filled(x: np.ndarray) -> np.ndarray:
+        missing = longest - x.shape[1] if x.ndim > 1 else 0
+        return np.pad(x, [(0, 0), (0, missing), (0, 0)]) if missing else x
+
+    arrays = zip(*(map(filled, part[1:]) for part in parts), strict=True)
+    return Free(names, *(np.concatenate(each) for each in arrays))
+
+
+def _free(
+    search: Search,
+    fitted: Fitted,
+    other: Sequence[Alternative],
+    those: Prepared,
+    places: Sequence[int],
+) -> Free:
+    here = replace(search, data=those.data)
+    count = len(those.names)
+    theta = _expected(search, fitted, places)
+    R = search.recordings
+    rows = search.still(np.stack([theta[min(i, count - 1)] for i in range(R)]))
+    weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
+    safe = np.where(weight > 0, weight, np.inf)
+    decays = np.asarray(those.data.kick)[:, 0] > 0
+    if np.any(decays):
+        rows = _released(here, fitted, rows, decays)
+    (seen,) = evaluate(here, [(fitted.hypothesis, rows)], math.inf)
+    left = (OF_NOISE * those.noise[:, None, :]) ** 2
+    own = np.sum(np.where(weight > 0, left, 0.0), axis=(1, 2))
+    # What the forces' noise does to the state after the pulse, of deviation 1 each.
+    kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]
+    # A decay's state was estimated from itself: noise leaves it little to be wrong by.
+    kicked[decays[:count]] = 0.0
+    gram = np.einsum("rins,rjns->rij", kicked, kicked)
+    own = own + np.einsum("rii->r", gram)
+    scatter = 2.0 * np.sum(gram**2, axis=(1, 2))
+    known, slopes = _open(search, fitted, places, np.asarray(seen.slopes)[:count])
+    slopes = slopes / safe[:, None]
+    open_to = np.einsum("rins,rjns->rij", slopes, slopes)
+    unsure = np.einsum("rij,ij->r", open_to, known)
+    p = search.parameters
+    moved = [np.hstack([rows[:, :p] + each.change, rows[:, p:]]) for each in other]
+    residuals = glance(here, [(fitted.hypothesis, each) for each in moved], math.inf)
+    for each, residual in zip(other, residuals, strict=True):
+        change = (residual - seen.residual)[:count] / safe
+        unsure = unsure + each.weight * np.sum(change**2, axis=(1, 2))
+    error, measured = seen.residual[:count] / safe, np.where(weight > 0, y, 0.0)
+    return Free(those.names, error, measured, own, scatter, unsure)
+
+
+def _released(search: Search, fitted: Fitted, rows: np.ndarray, decays: np.ndarray) -> np.ndarray:
+    """Values with the states in which free decays began, by the decays themselves."""
+    rows = rows.copy()
+    for cycles in _MEMORIES:
+        (seen,) = evaluate(search, [(fitted.hypothesis, rows)], cycles)
+        J = np.asarray(seen.slopes)[:, fitted.values :].reshape(len(rows), search.directions, -1)
+        off, state = seen.residual.reshape(len(rows), -1), rows[:, fitted.values :]
+        downhill = np.einsum("rin,rn->ri", J, off) + state
+        normal = np.einsum("rin,rjn->rij", J, J) + np.eye(search.directions)
+        step = np.linalg.solve(normal, downhill[..., None])[..., 0]
+        rows[:, fitted.values :] -= np.where(decays[:, None], step, 0.0)
+    return rows
+
+
+def _open(
+    search: Search, fitted: Fitted, places: Sequence[int], slopes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance of what the recordings have in common, and derivatives in it at these places."""
+    hypothesis = fitted.hypothesis
+    shared, along = free_values(search, hypothesis), rates(search, hypothesis)
+    columns = [slopes[:, shared]]
+    if hypothesis.drifting is not None:
+        own = slopes[:, drifting_values(search, hypothesis.drifting)]
+        columns.append(own * elapsed(search, places)[: len(own), None, None, None])
+    which = [*range(len(shared)), *along]
+    known = covariance(search, fitted)[np.ix_(which, which)]
+    return known, np.concatenate(columns, axis=1)
+
+
+def _expected(search: Search, fitted: Fitted, places: Sequence[int]) -> np.ndarray:
+    """Values for recordings at these places in the study: what drifts goes on in line."""
+    theta, order = fitted.theta[:, : fitted.values], search.order
+    rows = np.tile(theta.mean(axis=0), (len(places), 1))
+    if fitted.hypothesis.drifting is None:
+        return rows
+    if all(place in order for place in places):
+        return theta[[order.index(place) for place in places]]
+    values = drifting_values(search, fitted.hypothesis.drifting)
+    for value, rate in zip(values, rates(search, fitted.hypothesis), strict=True):
+        rows[:, value] = theta[0, value] + fitted.x[rate] * elapsed(search, places)
+    return rows
+
+
+Runs = tuple[Free, Free | None]
+
+
+class Compared(NamedTuple):
+    """What is left of a competition after the held-out recordings were looked at.
+
+    Attributes
+    ----------
+    table : Table
+        Without what was refused.
+    before, after : (Free, Free or None)
+        Free runs of the fitted and the held-out recordings: of the nominal model, and of the best
+        that is left (the same where nothing is).
+    refused : tuple of Refused
+        What explains the fitted recordings and predicts those held out worse, the best first.
+    """
+
+    table: Table
+    before: Runs
+    after: Runs
+    refused: tuple[Refused, ...]
+
+
+def compared(table: Table, run: Callable[[Entry, bool], Runs]) -> Compared:
+    """The best suspect that does not predict held-out recordings worse than the model without it.
+
+    Held-out recordings do not choose: the order is that of the evidence of fitted ones, and each
+    in turn is held against the nominal model alone. What they refute is out, and so is its
+    evidence; where nothing is left nothing that was tried explains the recordings. The error told
+    for the second in order was looked at once more than that of the first, which is why refusals
+    are told with it.
+
+    Parameters
+    ----------
+    table : Table
+        How the competition ended.
+    run : function
+        Of an entry, and whether another one takes its place: its free runs.
+    """
+    before = run(table.nominal, table.detected)
+    refused: list[Refused] = []
+    while table.detected:
+        after = run(table.best, False)
+        if before[1] is None or after[1] is None:
+            # One side alone, where the other's run failed, compares nothing.
+            return Compared(table, (before[0], None), (after[0], None), ())
+        errors = before[1].relative, after[1].relative
+        if not worse(*errors, before[1].floor_95):
+            return Compared(table, before, after, tuple(refused))
+        refused.append(Refused(table.best.fitted.hypothesis.label, *errors))
+        table = _without_the_best(table)
+    if refused:
+        before = run(table.nominal, False)
+    return Compared(table, before, before, tuple(refused))
+
+
+def _without_the_best(table: Table) -> Table:
+    """The others, placed anew."""
+    base, entries = ranked(table.nominal, table.entries[1:])
+    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
+    if same:
+        entries = [*doubted(base.search, same), *entries[len(same) :]]
+    detected = bool(same) and missing(base, entries[0])
+    return Table(detected, base, tuple(entries), table.scores)

@@ -1,0 +1,303 @@
+"""Is anything missing from a structure, by measured curves of its modes."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.curves import ModalCurves
+from iwanjax.discrepancy.diagnosis import Diagnosis, Score
+from iwanjax.discrepancy.effects import ForceKind, kinds_of
+from iwanjax.discrepancy.steady.concluding import concluded, parameters_refitted
+from iwanjax.discrepancy.steady.curve_run import CurveRun, ModesRun
+from iwanjax.discrepancy.steady.differences import clear_differences
+from iwanjax.discrepancy.steady.left_out import Added, joint_estimates, joint_kind
+from iwanjax.discrepancy.steady.modes import (
+    STARTS,
+    Looked,
+    ModesFit,
+    glanced,
+    modes_alone,
+    modes_beside,
+)
+from iwanjax.discrepancy.steady.modes_with_joint import modes_with_joint
+from iwanjax.discrepancy.steady.one_joint import Standing, estimates_of
+from iwanjax.discrepancy.steady.starts import slopes
+from iwanjax.errors import InputError
+from iwanjax.structures import JointedStructure
+from iwanjax.structures.checks import finite_array
+from iwanjax.types import ArrayLike, require_double_precision
+from iwanjax.updating.background import (
+    background_name,
+    background_parameters,
+    viscous_ratios,
+)
+from iwanjax.updating.parameters import Parameter, drawn, fixed_at, replaced
+from iwanjax.updating.problem import Reference
+from iwanjax.updating.structural import structural_parameters, structural_problem
+
+# Forces at places that are refitted beside the best of each kind.
+_REFITS = 12
+# Places where a whole joint is tried.
+_JOINT_PLACES = 4
+_QUANTITY = "modal displacement"
+
+
+def diagnose_modes(
+    structure: JointedStructure,
+    curves: Mapping[int, ModalCurves],
+    held_out: Mapping[int, ModalCurves | Sequence[ModalCurves]] | None = None,
+    parameters: Mapping[str, Parameter] | None = None,
+    *,
+    places: Mapping[str, ArrayLike],
+    groups: Mapping[str, Sequence[str]] | None = None,
+    reference: Reference = "absolute",
+    hypotheses: tuple[str, ...] = (),
+    starts: int = 64,
+    seed: int = 0,
+    budget: float = math.inf,
+    progress: Callable[[str], None] = lambda line: None,
+) -> Diagnosis:
+    r"""Compare a structure with measured frequency and damping of its modes against amplitude.
+
+    First the joints alone are fitted, through quasi-static modal analysis. Then every force of
+    the catalogue acts at every place, by its first harmonic and its loss over a steady cycle of
+    each mode on its own: at a glance first, of all shapes and sizes while the joints move
+    linearly; the best of these are fitted again together with the joints, and a whole joint more
+    where single forces promise most. Curves must be of
+    one mode at a time, as free decays of a mode are that a modal filter or a shaker has singled
+    out: where several modes move a joint at once, it is softer than curves can say.
+
+    Evidences are those of :func:`iwanjax.diagnose`, of levels whose residuals may be
+    correlated along a curve. Errors are root mean squares of predicted less measured frequency,
+    over its fall below each mode's highest, and damping, over itself.
+
+    Parameters
+    ----------
+    structure : JointedStructure
+        With the joints at their starting values.
+    curves : mapping of int to ModalCurves
+        For each elastic mode, lowest 0, the curve to fit, against modal displacement, with
+        deviations (several hits: :func:`iwanjax.merge_curves`).
+    held_out : mapping of int to ModalCurves or sequence of them, optional
+        Curves of these modes that no fit sees.
+    parameters : mapping of str to Parameter, optional
+        Replaces those of :func:`modes_parameters` by name.
+    places : mapping of str to (n,) array_like
+        Rows of the places where a force may be missing.
+    groups : mapping of str to sequence of str, optional
+        Joints that share their parameters, under a common name.
+    reference : {"absolute", "shift"}
+        Compare frequencies themselves, or up to one offset a mode: then of linear springs and
+        masses nothing is said.
+    hypotheses : tuple of str
+        Kinds to try; all of the catalogue by default.
+    starts, seed : int
+        Of the searches.
+    budget : float
+        Time to spend, s.
+    progress : function
+        Told of every stage.
+
+    Returns
+    -------
+    Diagnosis
+        Its ``runs`` are :class:`ModesRun`.
+
+    Raises
+    ------
+    InputError
+        For curves that cannot be fitted, places that are no rows of the structure, unknown
+        parameters or hypotheses.
+    PrecisionError
+        When JAX computes in float32.
+    """
+    require_double_precision("diagnose_modes")
+    started = time.perf_counter()
+    # A one-sided variant has the two-sided one's curves at half the size.
+    forces = [
+        each for each in kinds_of(hypotheses) if isinstance(each, ForceKind) and not each.variant
+    ]
+    modes, others = _checked(curves, held_out or {})
+    rows = {label: _row(structure, label, row) for label, row in places.items()}
+    if not rows:
+        raise InputError("diagnose_modes: no places; expected {label: row} for at least one")
+    several = [curves[mode] for mode in modes]
+    known = modes_parameters(structure, several, modes, groups)
+    row = replaced(tuple(known.values()), parameters or {})
+    base = structural_problem(structure, several, row, modes, None, groups, reference)
+    random = np.random.default_rng(seed)
+    draws = drawn(row, random, max(starts, STARTS)) if row else np.zeros((STARTS, 0))
+    progress(f"fitting the joints alone to {len(modes)} mode(s)")
+    alone = modes_alone(base, draws)
+    if not math.isfinite(alone.cost):
+        raise InputError(
+            "diagnose_modes: no start gave finite residuals; are the amplitudes in the unit that "
+            "the model is in?"
+        )
+    looked = Looked.at(alone)
+    glances: list[ModesFit] = []
+    unseen, complete = [], True
+    for force in forces:
+        if time.perf_counter() - started >= budget:
+            complete = False
+            break
+        progress(f"looking for {force.name} at {len(rows)} place(s)")
+        each = [glanced(looked, force, label, inside) for label, inside in rows.items()]
+        seen = [glance for glance in each if glance is not None]
+        glances += seen
+        unseen += [] if seen else [force.name]
+    found: list[ModesFit] = []
+    for glance in _worth_a_fit(glances):
+        if time.perf_counter() - started >= budget:
+            complete = False
+            break
+        assert glance.force is not None
+        progress(f"with {glance.force.kind.name} at {glance.force.where}")
+        fit = modes_beside(alone, glance, draws)
+        if math.isfinite(fit.cost):
+            found.append(fit)
+    more = joint_kind(hypotheses)
+    for place in _joint_places(rows, glances) if more is not None else ():
+        if time.perf_counter() - started >= budget:
+            complete = False
+            break
+        assert more is not None
+        progress(f"with a joint left out at {place[0]}")
+        fit = modes_with_joint(alone, more, place, several, row, groups, found)
+        if fit is not None and math.isfinite(fit.cost):
+            found.append(fit)
+    standing = Standing.of(alone, found)
+    before = _run(alone, several, others)
+    return concluded(
+        standing,
+        "",
+        lambda fit: (before, _run(fit, several, others)),
+        len(modes),
+        lambda fit: joint_estimates(fit) if isinstance(fit.force, Added) else estimates_of(fit),
+        observables=lambda before: tuple(
+            each
+            for mode, run, called in zip(modes, before.modes, before.labels, strict=True)
+            for each in clear_differences(run, mode, called)
+        ),
+        scores=_scores(alone, glances),
+        joints=lambda fit: parameters_refitted(
+            fit, np.asarray(slopes(fit.problem, jnp.asarray(fit.theta))), row, "", fit.given
+        ),
+        warnings=lambda _: _unseen(list(dict.fromkeys(unseen))),
+        complete=complete,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def modes_parameters(
+    structure: JointedStructure,
+    curves: Sequence[ModalCurves],
+    modes: Sequence[int],
+    groups: Mapping[str, Sequence[str]] | None = None,
+) -> dict[str, Parameter]:
+    """Parameters of a diagnosis by curves: those of a fit, damping that is given held.
+
+    A mode that the structure's C damps keeps that: were it free it would take the place of a
+    missing dashpot. Without any the curves say it.
+
+    Parameters
+    ----------
+    structure, curves, modes, groups
+        As for :func:`iwanjax.structural_parameters`.
+    """
+    if structure.labels:
+        known = structural_parameters(structure, groups, curves, modes)
+    else:
+        known = background_parameters(structure, curves, modes)
+    given = viscous_ratios(structure, modes) > 0.0
+    held = [background_name(mode) for mode, own in zip(modes, given, strict=True) if own]
+    return {p.name: p for p in fixed_at(tuple(known.values()), held)}
+
+
+def _checked(
+    curves: Mapping[int, ModalCurves],
+    held_out: Mapping[int, ModalCurves | Sequence[ModalCurves]],
+) -> tuple[list[int], list[tuple[ModalCurves, ...]]]:
+    """Modes in order, and the curves of each that are held out."""
+    if not curves:
+        raise InputError("diagnose_modes: no curves; expected {mode: curves} for at least one mode")
+    modes = sorted(curves)
+    stray = [mode for mode in held_out if mode not in curves]
+    if stray:
+        raise InputError(
+            f"diagnose_modes: mode {stray[0]} is held out only; expected one of those to fit, "
+            f"{', '.join(map(str, modes))}"
+        )
+    others = []
+    for mode in modes:
+        given = held_out.get(mode, ())
+        others.append((given,) if isinstance(given, ModalCurves) else tuple(given))
+        for each in (curves[mode], *others[-1]):
+            if each.quantity != _QUANTITY:
+                raise InputError(
+                    f"diagnose_modes: mode {mode} has a curve against {each.quantity}; expected "
+                    f"{_QUANTITY} (see ModalCurves.as_quantity and ModalCurves.scaled)"
+                )
+    return modes, others
+
+
+def _row(structure: JointedStructure, label: str, given: ArrayLike) -> np.ndarray:
+    row = finite_array(given, f"places[{label!r}]")
+    if row.shape != (structure.structure.size,):
+        raise InputError(
+            f"places[{label!r}] has shape {row.shape}; expected ({structure.structure.size},) "
+            "like M"
+        )
+    return row
+
+
+def _worth_a_fit(glances: Sequence[ModesFit]) -> list[ModesFit]:
+    """The best of all, and the best of each kind, in the order that they were looked for."""
+    ranked = sorted(glances, key=lambda each: each.cost)
+    first: dict[str, ModesFit] = {}
+    for glance in ranked:
+        assert glance.force is not None
+        first.setdefault(glance.force.kind.name, glance)
+    chosen = [*ranked[:_REFITS], *first.values()]
+    return [glance for glance in glances if any(glance is each for each in chosen)]
+
+
+def _joint_places(
+    rows: Mapping[str, np.ndarray], glances: Sequence[ModesFit]
+) -> list[tuple[str, np.ndarray]]:
+    """Where a joint left out is tried: where single forces promise most."""
+    ranked = sorted(glances, key=lambda each: each.cost)
+    labels = dict.fromkeys(each.force.where for each in ranked if each.force is not None)
+    chosen = [*labels, *(label for label in rows if label not in labels)][:_JOINT_PLACES]
+    return [(label, rows[label]) for label in chosen]
+
+
+def _run(
+    fit: ModesFit, several: Sequence[ModalCurves], others: Sequence[Sequence[ModalCurves]]
+) -> ModesRun:
+    runs = []
+    for i, (own, held) in enumerate(zip(several, others, strict=True)):
+        measured = (own, *held)
+        runs.append(CurveRun.of(measured, fit.predicted(i, measured), 1))
+    modes = fit.problem.base.modes
+    return ModesRun(tuple(runs), tuple(f"mode {mode}" for mode in modes))
+
+
+def _scores(alone: ModesFit, glances: Sequence[ModesFit]) -> tuple[Score, ...]:
+    """What each force would explain of what the joints alone leave, the most first."""
+    found = []
+    for glance in glances:
+        assert glance.force is not None
+        drop = max(0.0, 1.0 - glance.cost / alone.cost)
+        found.append(Score(glance.force.kind.name, glance.force.where, drop))
+    return tuple(sorted(found, key=lambda score: -score.drop))
+
+
+def _unseen(unseen: Sequence[str]) -> list[str]:
+    """What curves say nothing of."""
+    if not unseen:
+        return []
+    return [f"Curves of single modes cannot show {', '.join(unseen)}: no first harmonic, no loss"]

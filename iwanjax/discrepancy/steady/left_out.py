@@ -1,0 +1,48 @@
+"""A joint left out, beside the one that a mode, a structure or a loop is modelled with."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from iwanjax.discrepancy.effects import Kind, kinds_of
+from iwanjax.discrepancy.estimate import Estimate
+from iwanjax.joints import Iwan4
+from iwanjax.joints.iwan import IWAN_PARAMETERS
+
+VALUES = len(IWAN_PARAMETERS)
+"""Parameters of a joint left out, the last ones of a fit."""
+# Strengths of a slider that a joint becomes where all of its sliders slip at once.
+_ALL_AT_ONCE = 30.0
+
+
+class Added(NamedTuple):
+    """A whole joint, and the place of a structure where it acts; its shape is its own affair."""
+
+    kind: Kind
+    shape: float = 1.0
+    where: str = ""
+
+
+class WithAdded(Protocol):
+    """A fit that may hold one."""
+
+    def added(self) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters of the joint left out, and their standard deviations."""
+        ...
+
+
+def joint_kind(hypotheses: tuple[str, ...]) -> Kind | None:
+    """The kind that a joint left out is, if it is to be tried."""
+    return next((kind for kind in kinds_of(hypotheses) if kind.name == "iwan_joint"), None)
+
+
+def joint_estimates(fit: WithAdded) -> tuple[Estimate, ...]:
+    """Parameters of a joint left out, with deviations."""
+    rows = zip(IWAN_PARAMETERS, *(x.tolist() for x in fit.added()), strict=True)
+    return tuple(Estimate(*each) for each in rows)
+
+
+def as_slider(k: float, slip: float) -> np.ndarray:
+    """Parameters of the joint that a slider of stiffness k is the limit of."""
+    joint = Iwan4(F_S=k * slip, K_T=k, chi=-0.5, beta=_ALL_AT_ONCE)
+    return np.array([float(getattr(joint, info.name)) for info in IWAN_PARAMETERS])
