@@ -402,7 +402,7 @@ def test_steps_without_balance_are_told(study, tmp_path, monkeypatch):
     def lost(*arguments, **options):
         found = ij.simulate(*arguments, **options)
         nothing = np.where(TIME[:, None] > 3.0, np.nan, np.asarray(found.displacement))
-        return ij.Transient(**{**vars(found), "displacement": nothing, "balanced": False})
+        return ij.SimulatedResponse(**{**vars(found), "displacement": nothing, "balanced": False})
 
     monkeypatch.setattr("iwanjax.verbs.simulate.simulate", lost)
     result, told, _ = simulated(study(STUDY), tmp_path / "out")

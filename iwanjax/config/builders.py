@@ -13,7 +13,7 @@ from pydantic import Field, create_model
 
 from iwanjax.config.faults import one_of
 from iwanjax.config.names import known
-from iwanjax.config.section import Count, OneOrMore, Positive, Section
+from iwanjax.config.section import ConfigSection, Count, OneOrMore, Positive
 from iwanjax.config.source import Place, Source
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
@@ -45,7 +45,7 @@ class Built:
     zeta: tuple[float, ...] = (0.0,)
 
 
-class BeamOptions(Section):
+class BeamOptions(ConfigSection):
     """``options:`` of a finite element beam.
 
     Attributes
@@ -143,7 +143,7 @@ def _system(
         option: (hints[option], ... if argument.default is argument.empty else argument.default)
         for option, argument in arguments.items()
     }
-    kind = create_model("_Options", __base__=Section, **fields)
+    kind = create_model("_Options", __base__=ConfigSection, **fields)
     given = source.validated(kind, options, _OPTIONS).model_dump()
     # A builder that cannot do without its joint gets it; others' joints are replaced later.
     if joint is not None and joint.default is joint.empty:

@@ -13,7 +13,7 @@ from iwanjax.config.recordings import (
     RecordingSection,
     ResponseSettings,
 )
-from iwanjax.config.section import Section
+from iwanjax.config.section import ConfigSection
 from iwanjax.config.source import Place, Source
 from iwanjax.files import nearest
 
@@ -97,7 +97,7 @@ def _refuse_foreign(source: Source, place: Place, section: RecordingSection) -> 
         )
 
 
-def _given(section: Section) -> list[str]:
+def _given(section: ConfigSection) -> list[str]:
     """Keys of a section that the file has."""
     return [key for key in type(section).model_fields if key in section.model_fields_set]
 

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, PlainValidator, TypeAdapter, model_validator
 
 from iwanjax.config.faults import fault
-from iwanjax.config.section import CONFIG, Section
+from iwanjax.config.section import CONFIG, ConfigSection
 from iwanjax.config.source import Source
 from iwanjax.errors import InputError
 from iwanjax.structures.model_file import Model
@@ -38,7 +38,7 @@ Place = Annotated[tuple[Dof, ...] | tuple[float, ...], PlainValidator(_place)]
 """Where something is on imported matrices."""
 
 
-class NamesSection(Section):
+class NamesSection(ConfigSection):
     """What a file calls its matrices."""
 
     K: str | None = None
@@ -47,7 +47,7 @@ class NamesSection(Section):
     T: str | None = None
 
 
-class MatricesSection(Section):
+class MatricesSection(ConfigSection):
     """The ``matrices:`` of a model.
 
     Attributes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import PlainValidator, create_model
 
 from iwanjax.config.faults import fault, one_of
-from iwanjax.config.section import Section
+from iwanjax.config.section import ConfigSection
 from iwanjax.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def _prior(raw: Any) -> "AbstractPrior":
         raise fault(f"got {name!r}; {one_of(str(name), PRIORS)}", "type")
     kind = PRIORS[name]
     fields: dict[str, Any] = dict.fromkeys(inspect.signature(kind).parameters, (float, ...))
-    section = create_model("_PriorSection", __base__=Section, type=(str, ...), **fields)
+    section = create_model("_PriorSection", __base__=ConfigSection, type=(str, ...), **fields)
     numbers = section.model_validate(raw).model_dump(exclude={"type"})
     try:
         return kind(**numbers)

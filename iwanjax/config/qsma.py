@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field, TypeAdapter, WrapValidator, model_validator
 
 from iwanjax.config.faults import fault
-from iwanjax.config.section import CONFIG, Index, OneOrMore, Section
+from iwanjax.config.section import CONFIG, ConfigSection, Index, OneOrMore
 
 
-class _Range(Section):
+class _Range(ConfigSection):
     start: Annotated[float, Field(alias="from", gt=0)]
     to: float
     count: Annotated[int, Field(ge=2, le=100_000)]
@@ -42,7 +42,7 @@ _Row = Annotated[tuple[float, ...], Field(min_length=1), WrapValidator(_row)]
 _ONE_ROW = TypeAdapter(_Row, config=CONFIG)
 
 
-class QsmaSettings(Section):
+class QsmaSettings(ConfigSection):
     """The ``qsma:`` section: what :func:`iwanjax.qsma` is asked for.
 
     Attributes

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from iwanjax.config.section import Index, OneOrMore, Positive, Section
+from iwanjax.config.section import ConfigSection, Index, OneOrMore, Positive
 
 Kind: TypeAlias = Literal[
     "transient", "free_decay", "curves", "response_control", "force_control", "loop"
@@ -17,7 +17,7 @@ Quantity: TypeAlias = Literal["acceleration", "velocity", "displacement"]
 _Names = Annotated[tuple[str, ...], OneOrMore]
 
 
-class ResponseSettings(Section):
+class ResponseSettings(ConfigSection):
     """What a recording's ``response:`` says of the measured channels.
 
     Attributes
@@ -44,7 +44,7 @@ class ResponseSettings(Section):
     unit: str = ""
 
 
-class ForceSettings(Section):
+class ForceSettings(ConfigSection):
     """What a recording's ``force:`` says of the measured forces.
 
     Attributes
@@ -59,7 +59,7 @@ class ForceSettings(Section):
     inputs: _Names = ()
 
 
-class RecordingSection(Section):
+class RecordingSection(ConfigSection):
     """An entry of ``recordings:``."""
 
     file: str

@@ -9,14 +9,14 @@ from iwanjax.config.matrices import MatricesSection
 from iwanjax.config.prior import Prior
 from iwanjax.config.qsma import QsmaSettings
 from iwanjax.config.recordings import RecordingSection
-from iwanjax.config.section import Band, Index, Pair, Positive, Section
+from iwanjax.config.section import Band, ConfigSection, Index, Pair, Positive
 from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
 from iwanjax.config.simulate import SimulateSections
 
 _SOURCES = ("file", "matrices", "builder", "modal")
 
 
-class JointSection(Section):
+class JointSection(ConfigSection):
     """An entry of ``joints:``."""
 
     name: str
@@ -30,14 +30,14 @@ class JointSection(Section):
         return self.row or self.name
 
 
-class ModalJointSection(Section):
+class ModalJointSection(ConfigSection):
     """The ``joint:`` of a mode: what is not given is estimated from the data."""
 
     type: str
     parameters: dict[str, float] = Field(default_factory=dict)
 
 
-class ModalSection(Section):
+class ModalSection(ConfigSection):
     """An entry of ``modal:``."""
 
     name: str
@@ -45,7 +45,7 @@ class ModalSection(Section):
     joint: ModalJointSection
 
 
-class ModelSection(Section):
+class ModelSection(ConfigSection):
     """The ``model:`` section: a structure from files or a builder, and joints; or single modes."""
 
     file: str | None = None
@@ -68,7 +68,7 @@ class ModelSection(Section):
         return self
 
 
-class StudySection(Section):
+class StudySection(ConfigSection):
     """The whole file."""
 
     name: str

@@ -18,7 +18,7 @@ from iwanjax.config.faults import fault, one_of
 CONFIG = ConfigDict(frozen=True, allow_inf_nan=False)
 
 
-class Section(BaseModel):
+class ConfigSection(BaseModel):
     """A mapping that rejects unknown keys before anything else is complained of."""
 
     model_config = CONFIG

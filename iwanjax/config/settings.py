@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from iwanjax.config.faults import fault
-from iwanjax.config.section import Count, Index, Section
+from iwanjax.config.section import ConfigSection, Count, Index
 
 
 def _even(count: int) -> int:
@@ -14,7 +14,7 @@ def _even(count: int) -> int:
     return count
 
 
-class RingdownSettings(Section):
+class RingdownSettings(ConfigSection):
     """The ``ringdown:`` section: how free decays become curves.
 
     Attributes
@@ -29,7 +29,7 @@ class RingdownSettings(Section):
     order: Count = 3
 
 
-class ModelErrorSettings(Section):
+class ModelErrorSettings(ConfigSection):
     """The ``model_error:`` key: what the model's curves are wrong by themselves.
 
     Attributes
@@ -42,7 +42,7 @@ class ModelErrorSettings(Section):
     damping: Annotated[float, Field(ge=0, lt=1)]
 
 
-class FitSettings(Section):
+class FitSettings(ConfigSection):
     """The ``fit:`` section; as keywords what :func:`iwanjax.updating.estimate` is asked for.
 
     Attributes
@@ -73,7 +73,7 @@ class FitSettings(Section):
         return None if own is None else (own.frequency, own.damping)
 
 
-class PosteriorSettings(Section):
+class PosteriorSettings(ConfigSection):
     """The ``posterior:`` section; as keywords what the sampler is asked for.
 
     Attributes

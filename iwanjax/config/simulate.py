@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
 from pydantic import Field, PlainValidator, TypeAdapter, WrapValidator, model_validator
 
 from iwanjax.config.faults import fault, one_of
-from iwanjax.config.section import CONFIG, Count, Index, OneOrMore, Positive, Section
+from iwanjax.config.section import CONFIG, ConfigSection, Count, Index, OneOrMore, Positive
 from iwanjax.dynamics.excitations import Sweep
 from iwanjax.dynamics.integration import Quantity
 from iwanjax.dynamics.propagator import Method
@@ -24,7 +24,7 @@ _FLOAT = TypeAdapter(float, config=CONFIG)
 _ROW = TypeAdapter(tuple[float, ...], config=CONFIG)
 
 
-class Ramp(Section):
+class Ramp(ConfigSection):
     """An amplitude that changes on a straight line, then stays (thesis 4.23, 4.24, 4.42).
 
     Attributes
@@ -58,7 +58,7 @@ Direction = Annotated[str | tuple[float, ...], PlainValidator(_direction)]
 """A label, or a row of numbers."""
 
 
-def _one_of(section: Section, *keys: str) -> None:
+def _one_of(section: ConfigSection, *keys: str) -> None:
     """Refuse a section that has several of the keys, or none."""
     given = [key for key in keys if getattr(section, key) is not None]
     if len(given) != 1:
@@ -66,7 +66,7 @@ def _one_of(section: Section, *keys: str) -> None:
         raise fault(f"got {got}; expected one of {' and '.join(keys)}")
 
 
-class ModalImpact(Section):
+class ModalImpact(ConfigSection):
     """A half sine that excites one linear mode alone (2.27)."""
 
     type: Literal["modal_impact"]
@@ -75,7 +75,7 @@ class ModalImpact(Section):
     limit: Literal["low", "high"] = "low"
 
 
-class PointImpact(Section):
+class PointImpact(ConfigSection):
     """A half sine at one place (2.29), (4.43): of a circular frequency or a duration."""
 
     type: Literal["point_impact"]
@@ -95,7 +95,7 @@ class PointImpact(Section):
         return self
 
 
-class Sine(Section):
+class Sine(ConfigSection):
     """A sine at one place, its amplitude steady or ramped (4.40), (4.42)."""
 
     type: Literal["sine"]
@@ -115,7 +115,7 @@ class Sine(Section):
         return self
 
 
-class SweptSine(Section):
+class SweptSine(ConfigSection):
     """A sine of which the frequency moves through a band, Hz, over the whole case."""
 
     type: Literal["sweep"]
@@ -132,7 +132,7 @@ class SweptSine(Section):
         return self
 
 
-class RecordedForce(Section):
+class RecordedForce(ConfigSection):
     """Forces of a recording, one for each label in ``input``."""
 
     type: Literal["recording"]
@@ -145,7 +145,7 @@ class RecordedForce(Section):
 
 
 Excitation: TypeAlias = ModalImpact | PointImpact | Sine | SweptSine | RecordedForce
-_KINDS: dict[str, type[Section]] = {
+_KINDS: dict[str, type[ConfigSection]] = {
     "modal_impact": ModalImpact,
     "point_impact": PointImpact,
     "sine": Sine,
@@ -167,7 +167,7 @@ def _excitation(raw: Any) -> Any:
     return _KINDS[name].model_validate(raw)
 
 
-class Drive(Section):
+class Drive(ConfigSection):
     """One joint alone, its deflection a cosine of steady or ramped amplitude (4.23), (4.24).
 
     Attributes
@@ -185,7 +185,7 @@ class Drive(Section):
     frequency: Positive = 1.0
 
 
-class SimulateSection(Section):
+class SimulateSection(ConfigSection):
     """An entry of ``simulate:``: an excitation of the structure, or a joint driven on its own.
 
     Attributes

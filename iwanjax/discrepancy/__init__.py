@@ -16,7 +16,7 @@ from iwanjax.discrepancy.effects import (
     register_kind,
 )
 from iwanjax.discrepancy.histories.diagnose import diagnose
-from iwanjax.discrepancy.histories.recordings import Transient
+from iwanjax.discrepancy.histories.recordings import StudyRecording
 from iwanjax.discrepancy.steady.curve_run import CurveRun, ModesRun
 from iwanjax.discrepancy.steady.loop_run import LoopRun
 from iwanjax.discrepancy.steady.single_mode import ModeComparison, compare_modes
@@ -32,8 +32,8 @@ __all__ = [
     "ModeKind",
     "ModesRun",
     "SensorKind",
+    "StudyRecording",
     "Suspect",
-    "Transient",
     "compare_modes",
     "diagnose",
     "register_kind",

@@ -20,7 +20,7 @@ _EXCLUDED = 1e-3
 _OFTEN = 1.15
 
 
-class Run(Protocol):
+class Prediction(Protocol):
     """A model against recordings of some kind: time histories, or curves of a mode."""
 
     def by_recording(self) -> Mapping[str, float]:
@@ -166,7 +166,7 @@ class Diagnosis:
     observables: tuple[Observable, ...] = field(repr=False)
     scores: tuple[Score, ...] = field(repr=False)
     joints: tuple[Refitted, ...] = field(repr=False)
-    runs: tuple[Run, Run] = field(repr=False)
+    runs: tuple[Prediction, Prediction] = field(repr=False)
     sampling_rate: float
     restoring: RestoringForce | None = field(repr=False)
     warnings: tuple[str, ...]
@@ -203,7 +203,7 @@ class Diagnosis:
         first = self.what[0]
         return (first, *(each for each in self.what[1:] if each.label in first.joint_with))
 
-    def told(self) -> "Told":
+    def told(self) -> "Report":
         """The verdict in plain sentences, part by part."""
         by_name = {
             "nothing_missing": self._nothing,
@@ -211,7 +211,7 @@ class Diagnosis:
             "undecided": self._undecided,
         }
         parts = (by_name[self.verdict.name](), self._improvement(), self._doubt(), self._next())
-        return Told(*(" ".join(map(_ended, part)) for part in parts))
+        return Report(*(" ".join(map(_ended, part)) for part in parts))
 
     def statement(self) -> str:
         """All of it: the verdict first, then the improvement, the doubt, what to measure next."""
@@ -344,7 +344,7 @@ class Diagnosis:
         return ["Measure next: harder hits; beyond these amplitudes nothing is known"]
 
 
-class Told(NamedTuple):
+class Report(NamedTuple):
     """A diagnosis in plain sentences; empty where there is nothing to say.
 
     Attributes

@@ -13,7 +13,7 @@ from iwanjax.joints import ParameterInfo
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 
 
-class Motion(NamedTuple):
+class PlaceMotion(NamedTuple):
     """What a place of the structure does over one step.
 
     Attributes
@@ -33,7 +33,7 @@ class Motion(NamedTuple):
     dt: Array
 
 
-UnitForce: TypeAlias = Callable[[Motion, Array, Array], tuple[Array, Array]]
+UnitForce: TypeAlias = Callable[[PlaceMotion, Array, Array], tuple[Array, Array]]
 """(motion, shape, memory) -> (force per unit size, memory), elementwise over places."""
 
 
@@ -162,16 +162,16 @@ class ModeKind:
 Kind: TypeAlias = ForceKind | SensorKind | JointKind | ModeKind
 
 
-def _memoryless(law: Callable[[Motion, Array], Array]) -> UnitForce:
+def _memoryless(law: Callable[[PlaceMotion, Array], Array]) -> UnitForce:
     return lambda motion, shape, memory: (law(motion, shape), memory)
 
 
-def _slider(motion: Motion, slip: Array, stretch: Array) -> tuple[Array, Array]:
+def _slider(motion: PlaceMotion, slip: Array, stretch: Array) -> tuple[Array, Array]:
     stretch = jnp.clip(stretch + motion.moved, -slip, slip)
     return stretch, stretch
 
 
-def _maxwell(motion: Motion, tau: Array, stretch: Array) -> tuple[Array, Array]:
+def _maxwell(motion: PlaceMotion, tau: Array, stretch: Array) -> tuple[Array, Array]:
     x = motion.dt / tau
     stretch = jnp.exp(-x) * stretch - jnp.expm1(-x) / x * motion.moved
     return stretch, stretch

@@ -22,7 +22,7 @@ def log_evidence(
     return -np.asarray(costs) / (2.0 * temperature * tau) - spent
 
 
-def untried(ratio: float) -> float:
+def misspecification_probability(ratio: float) -> float:
     r"""Probability that the truth is not among what was tried.
 
     Evidence compares what was tried and found; where the best of it leaves the residual at r
@@ -48,7 +48,7 @@ def shares(values: np.ndarray) -> np.ndarray:
     return weight / weight.sum()
 
 
-INDULGENCE = 0.06
+MODEL_ERROR_ALLOWANCE = 0.06
 """Share of the squared residual that the model's own errors, of integration say, may be worth."""
 
 LEAST_GAIN = 12.0

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.evidence import AS_LIKELY_WRONG, shares, untried
+from iwanjax.discrepancy.evidence import AS_LIKELY_WRONG, misspecification_probability, shares
 from iwanjax.errors import InputError
 
 VerdictName = Literal["nothing_missing", "something_missing", "undecided"]
@@ -112,9 +112,10 @@ def judged(
               P_{else} = 1 - P_0 - \textstyle\sum P_i .
 
     Evidence compares what was tried; :math:`u` says that the truth is none of it. Nothing is
-    refuted by its own misfit alone (:func:`~iwanjax.discrepancy.evidence.untried`), whatever its
-    rivals do. Of what was tried :math:`u_1` is at most what the share r of the misfit tells, root
-    mean square beyond the noise, that it leaves,
+    refuted by its own misfit alone
+    (:func:`~iwanjax.discrepancy.evidence.misspecification_probability`), whatever its rivals do. Of
+    what was tried :math:`u_1` is at most what the share r of the misfit tells, root mean square
+    beyond the noise, that it leaves,
 
     .. math:: \frac{u}{1-u} = \left(\frac{r}{0.1}\right)^4 :
 
@@ -143,7 +144,7 @@ def judged(
     Verdict
     """
     odds = shares(np.array([nothing, *candidates]))
-    refuted = max(map(untried, before))
+    refuted = max(map(misspecification_probability, before))
     doubt = _unexplained(before, before if after is None else after)
     p_nothing = (1.0 - refuted) * float(odds[0])
     named = tuple(((1.0 - doubt) * odds[1:]).tolist())
@@ -232,7 +233,7 @@ def _unexplained(before: Misfit, after: Misfit) -> float:
         share = math.inf
     odds = (share / _NEIGHBOUR) ** _SHARPNESS
     bound = odds / (1.0 + odds) if math.isfinite(odds) else 1.0
-    return min(max(map(untried, after)), bound)
+    return min(max(map(misspecification_probability, after)), bound)
 
 
 def _excess(misfit: Misfit) -> float:

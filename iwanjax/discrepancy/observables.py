@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 # Deviations beyond which a difference is one, and levels it is taken at.
-_CLEAR, _LEVELS = 3.0, 9
+CLEAR, LEVELS = 3.0, 9
 
 
 class Observable(NamedTuple):

@@ -17,13 +17,13 @@ from iwanjax.dynamics.steady_state import (
     controlled_response,
     harmonic_response,
 )
-from iwanjax.dynamics.transient import Transient, simulate
+from iwanjax.dynamics.transient import SimulatedResponse, simulate
 
 __all__ = [
     "Energies",
     "HarmonicResponse",
     "ModalDecays",
-    "Transient",
+    "SimulatedResponse",
     "base_input",
     "controlled_response",
     "half_sine",

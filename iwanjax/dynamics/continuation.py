@@ -33,7 +33,7 @@ class Solution(NamedTuple):
     balanced: Bool[Array, ""]
 
 
-class _Trial(NamedTuple):
+class _Corrector(NamedTuple):
     z: Array
     step: Array
     J: Array
@@ -152,8 +152,8 @@ def _solve(
     equations = _Equations(frozen[0], frozen[1], unit)
     attempts = jnp.stack([equations.pack(guess) for guess in frozen[2]])
 
-    def attempt(found: _Trial, z: Array) -> tuple[_Trial, None]:
-        fresh = _Trial(
+    def attempt(found: _Corrector, z: Array) -> tuple[_Corrector, None]:
+        fresh = _Corrector(
             jnp.where(found.balanced, found.z, z),
             jnp.zeros_like(z),
             found.J,
@@ -166,7 +166,7 @@ def _solve(
 
     nowhere, one = jnp.zeros_like(attempts[0]), jnp.ones(())
     J = jnp.eye(nowhere.size)
-    none = _Trial(nowhere, nowhere, J, one, one, jnp.zeros((), bool), jnp.zeros((), jnp.int32))
+    none = _Corrector(nowhere, nowhere, J, one, one, jnp.zeros((), bool), jnp.zeros((), jnp.int32))
     found, _ = jax.lax.scan(attempt, none, attempts)
     # The last step is taken with everything free to vary.
     whole = _Equations(system, control, unit)
@@ -179,19 +179,19 @@ def _solve(
     return Solution(motion, F, response, found.balanced)
 
 
-def _newton(equations: _Equations, start: _Trial, tolerance: Array) -> _Trial:
+def _newton(equations: _Equations, start: _Corrector, tolerance: Array) -> _Corrector:
     """A step that does not make the residual smaller is halved until it does."""
 
-    def proceed(trial: _Trial) -> Array:
+    def proceed(trial: _Corrector) -> Array:
         return ~trial.balanced & (trial.iterations < _MOST_ITERATIONS)
 
-    def advance(trial: _Trial) -> _Trial:
+    def advance(trial: _Corrector) -> _Corrector:
         z = trial.z + trial.share * trial.step
         r, J = equations.evaluate(z)
         size = jnp.max(jnp.abs(r))
         better = size < trial.size
         balanced = size <= tolerance * jnp.max(jnp.abs(z))
-        return _Trial(
+        return _Corrector(
             jnp.where(better, z, trial.z),
             jnp.where(better, -jnp.linalg.solve(J, r), trial.step),
             jnp.where(better, J, trial.J),

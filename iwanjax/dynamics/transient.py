@@ -40,7 +40,7 @@ _MOST_REFINED = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Transient:
+class SimulatedResponse:
     """Result of :func:`iwanjax.simulate`.
 
     Attributes
@@ -101,7 +101,7 @@ def simulate(
     modes: int | None = None,
     sliders: int | None = SLIDERS,
     accuracy: float | None = ACCURACY,
-) -> Transient:
+) -> SimulatedResponse:
     r"""Integrate :math:`M\ddot u + C\dot u + Ku + \sum_j b_jF_j(b_j^Tu) = f(t)` in time.
 
     The structure moves in its modes about the joints' reference stiffness; what the joints
@@ -156,7 +156,7 @@ def simulate(
 
     Returns
     -------
-    Transient
+    SimulatedResponse
 
     Raises
     ------
@@ -218,7 +218,7 @@ def simulate(
     found, substeps = _refined(attempt, substeps, float(dt), method, accuracy)
     kept = dict(found.kept)
     energy = kept.pop("energy", None)
-    return Transient(
+    return SimulatedResponse(
         time=dt * every * jnp.arange(1 + (f.shape[-2] - 1) // every),
         **{name: kept.get(name) for name in (*QUANTITIES, "joint_deflection")},
         energy=None if energy is None else accounts(energy),

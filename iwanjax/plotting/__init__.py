@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy import Diagnosis
-from iwanjax.dynamics import ModalDecays, Transient
+from iwanjax.dynamics import ModalDecays, SimulatedResponse
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.plotting.curves import plot_curves
@@ -73,7 +73,7 @@ def plot(obj: Any, **options: Any) -> Figure:
     Parameters
     ----------
     obj : object
-        A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, Transient, ModalDecays,
+        A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, SimulatedResponse, ModalDecays,
         Diagnosis, FitSolution, LinearSolution or Posterior.
     **options
         Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
@@ -95,7 +95,7 @@ def plot(obj: Any, **options: Any) -> Figure:
             return draw(obj, **options)
     raise InputError(
         f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
-        "RingDown, MergedCurves, Transient, ModalDecays, "
+        "RingDown, MergedCurves, SimulatedResponse, ModalDecays, "
         "Diagnosis, FitSolution, LinearSolution or Posterior"
     )
 
@@ -105,6 +105,6 @@ plot.register(ModalCurves, plot_curves)
 plot.register(QsmaSolution, plot_qsma)
 plot.register(RingDown, plot_ringdown)
 plot.register(MergedCurves, plot_merged)
-plot.register(Transient, plot_transient)
+plot.register(SimulatedResponse, plot_transient)
 plot.register(ModalDecays, plot_decays)
 plot.register(Diagnosis, plot_diagnosis)

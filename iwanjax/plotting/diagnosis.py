@@ -5,7 +5,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.histories.validation import Free
+from iwanjax.discrepancy.histories.validation import FreeRun
 from iwanjax.errors import InputError
 from iwanjax.plotting.style import (
     DOUBLE_COLUMN,
@@ -101,7 +101,7 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
         For an unknown recording, and a diagnosis of curves (:func:`plot_explained`).
     """
     before, after = diagnosis.runs
-    if not (isinstance(before, Free) and isinstance(after, Free)):
+    if not (isinstance(before, FreeRun) and isinstance(after, FreeRun)):
         raise InputError("plot_prediction: this diagnosis is of curves; draw it by plot_explained")
     names = list(before.names)
     if recording is not None and recording not in names:

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from iwanjax.discrepancy.diagnosis import Diagnosis, Run
+from iwanjax.discrepancy.diagnosis import Diagnosis, Prediction
 from iwanjax.discrepancy.steady.curve_run import CurveRun, ModesRun
 from iwanjax.errors import InputError
 from iwanjax.plotting.curves import DAMPING_LABEL, amplitude_label, frequency_label
@@ -66,7 +66,7 @@ def plot_explained(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def _by_mode(run: Run) -> dict[str, CurveRun]:
+def _by_mode(run: Prediction) -> dict[str, CurveRun]:
     """Curves of each mode under its name; a single one has none."""
     if isinstance(run, ModesRun):
         return dict(zip(run.labels, run.modes, strict=True))

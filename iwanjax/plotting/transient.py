@@ -9,7 +9,7 @@ from jaxtyping import Array
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from iwanjax.dynamics import Energies, Transient
+from iwanjax.dynamics import Energies, SimulatedResponse
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.plotting.style import (
@@ -35,7 +35,7 @@ _TURNS, _STRETCH, _POINTS = 6, 3000, 12_000
 
 @paper_style()
 def plot_transient(
-    transient: Transient,
+    transient: SimulatedResponse,
     sensors: Sequence[int] | None = None,
     *,
     labels: Sequence[str] | None = None,
@@ -51,7 +51,7 @@ def plot_transient(
 
     Parameters
     ----------
-    transient : Transient
+    transient : SimulatedResponse
         Result of :func:`iwanjax.simulate`, for one case.
     sensors : sequence of int, optional
         Columns of the response; by default the four that move most.
@@ -69,11 +69,13 @@ def plot_transient(
     Raises
     ------
     InputError
-        For something that is not a Transient, a batch of cases, a quantity that was not kept,
-        and sensors that there are not.
+        For something that is not a SimulatedResponse, a batch of cases, a quantity that was not
+        kept, and sensors that there are not.
     """
-    if not isinstance(transient, Transient):
-        raise InputError(f"plot_transient expects a Transient, got {type(transient).__name__}")
+    if not isinstance(transient, SimulatedResponse):
+        raise InputError(
+            f"plot_transient expects a SimulatedResponse, got {type(transient).__name__}"
+        )
     if np.ndim(transient.balanced):
         raise InputError(
             f"plot_transient draws one case; this is a batch of {np.size(transient.balanced)}"
@@ -195,7 +197,7 @@ def _turning_points(d: np.ndarray) -> np.ndarray:
 
 
 def _responses(
-    transient: Transient,
+    transient: SimulatedResponse,
     quantity: str | None,
     sensors: Sequence[int] | None,
     labels: Sequence[str] | None,
@@ -227,7 +229,7 @@ def _largest(values: np.ndarray, most: int) -> list[int]:
     return sorted(np.argsort(-reach, kind="stable")[:most].tolist())
 
 
-def _loops(transient: Transient) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def _loops(transient: SimulatedResponse) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Deflection and force of the joints that deflect most."""
     if transient.joint_force is None or transient.joint_deflection is None:
         return {}

@@ -18,7 +18,7 @@ from iwanjax.plotting.joints import plot_joint
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.ringdown import plot_merged, plot_ringdown
 from iwanjax.quasistatic.modal import ModalOscillator
-from iwanjax.report.page import Callout, Named, Section, Table, png, render
+from iwanjax.report.page import Callout, NamedParagraph, PageSection, PageTable, png, render
 from iwanjax.report.words import (
     bounds,
     cautions,
@@ -161,7 +161,7 @@ def fit_report(title: str, entries: Sequence[FitEntry]) -> str:
     return render(title, lead, [_section(entry) for entry in entries], _footer())
 
 
-def _lead(entry: FitEntry, *, named: bool) -> list[str | Named]:
+def _lead(entry: FitEntry, *, named: bool) -> list[str | NamedParagraph]:
     """How well it explains the data, what was found, what is open, what rests on a bound."""
     s = entry.solution
     groups = (
@@ -172,7 +172,7 @@ def _lead(entry: FitEntry, *, named: bool) -> list[str | Named]:
     )
     texts = [" ".join(filter(None, group)) for group in groups]
     texts = [text for text in texts if text]
-    first = Named(entry.name, texts[0]) if named and entry.name else texts[0]
+    first = NamedParagraph(entry.name, texts[0]) if named and entry.name else texts[0]
     return [first, *texts[1:]]
 
 
@@ -203,8 +203,8 @@ def _prediction(entry: FitEntry) -> str:
     return f"{text}, up to {number(ratio, 2)} times as far off as hits are from each other."
 
 
-def _section(entry: FitEntry) -> Section:
-    paragraphs: list[str | Callout | Named] = [
+def _section(entry: FitEntry) -> PageSection:
+    paragraphs: list[str | Callout | NamedParagraph] = [
         *cautions(entry.solution),
         *_posterior_cautions(entry),
     ]
@@ -216,7 +216,9 @@ def _section(entry: FitEntry) -> Section:
         tables.append(_held_out(entry.held_out))
     if entry.posterior is not None:
         tables.append(_posterior(entry.posterior))
-    return Section(entry.name or "Fit", tuple(paragraphs), tuple(_figures(entry)), tuple(tables))
+    return PageSection(
+        entry.name or "Fit", tuple(paragraphs), tuple(_figures(entry)), tuple(tables)
+    )
 
 
 def _figures(entry: FitEntry) -> list[tuple[str, bytes]]:
@@ -325,7 +327,7 @@ def _pictured(
         plt.close(figure)
 
 
-def _parameters(entry: FitEntry) -> Table:
+def _parameters(entry: FitEntry) -> PageTable:
     s = entry.solution
     rows = [parameter_row(p, s) for p in s.parameters]
     for name, (value, std) in s.derived.items():
@@ -338,7 +340,7 @@ def _parameters(entry: FitEntry) -> Table:
         else:
             told = (number(value), "not determined")
         rows.append((name, *told, modal_unit(unit, s.measured[0]), "–", meaning))
-    return Table(
+    return PageTable(
         ("Parameter", "Value", "Deviation", "Unit", "Prior", "Meaning"),
         tuple(rows),
         "Estimates. Priors: ends where uniform, else the central 90 %. Rows without a prior are "
@@ -347,11 +349,11 @@ def _parameters(entry: FitEntry) -> Table:
     )
 
 
-def _held_out(rows: Sequence[HeldOut]) -> Table:
+def _held_out(rows: Sequence[HeldOut]) -> PageTable:
     def cell(value: float | None) -> str:
         return "–" if value is None or not math.isfinite(value) else number(value, 2)
 
-    return Table(
+    return PageTable(
         (
             "Hit",
             "Frequency error (Hz)",
@@ -374,7 +376,7 @@ def _held_out(rows: Sequence[HeldOut]) -> Table:
     )
 
 
-def _posterior(posterior: Posterior) -> Table:
+def _posterior(posterior: Posterior) -> PageTable:
     samples = posterior.samples
     rows = []
     for name in posterior.names:
@@ -389,7 +391,7 @@ def _posterior(posterior: Posterior) -> Table:
                 f"{posterior.effective[name]:.0f}",
             )
         )
-    return Table(
+    return PageTable(
         ("Parameter", "Median", "Central 90 %", "Independent draws"),
         tuple(rows),
         "Posterior. The noise scales are factors on the stated deviations.",

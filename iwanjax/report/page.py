@@ -97,7 +97,7 @@ class Callout:
 
 
 @dataclass(frozen=True)
-class Named:
+class NamedParagraph:
     """A paragraph that begins with what it is about.
 
     Parameters
@@ -113,7 +113,7 @@ class Named:
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """Rows of words and numbers.
 
     Parameters
@@ -149,31 +149,31 @@ class Table:
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class PageSection:
     """A part of a page: words, then figures, then tables.
 
     Parameters
     ----------
     title : str
         Its heading.
-    paragraphs : tuple of str, Callout or Named
+    paragraphs : tuple of str, Callout or NamedParagraph
         Plain text.
     figures : tuple of (str, Figure or bytes)
         Caption, which is the alternative text too, and the figure or a PNG file's contents.
-    tables : tuple of Table
+    tables : tuple of PageTable
         What there is in numbers.
     """
 
     title: str
-    paragraphs: tuple[str | Callout | Named, ...] = ()
+    paragraphs: tuple[str | Callout | NamedParagraph, ...] = ()
     figures: tuple[tuple[str, Figure | bytes], ...] = ()
-    tables: tuple[Table, ...] = ()
+    tables: tuple[PageTable, ...] = ()
 
 
 def render(
     title: str,
-    lead_sentences: Sequence[str | Callout | Named],
-    sections: Sequence[Section],
+    lead_sentences: Sequence[str | Callout | NamedParagraph],
+    sections: Sequence[PageSection],
     footer: str = "",
 ) -> str:
     """A page as one HTML file that needs nothing else: no scripts, no links, images inside.
@@ -182,9 +182,9 @@ def render(
     ----------
     title : str
         Heading of the page.
-    lead_sentences : sequence of str, Callout or Named
+    lead_sentences : sequence of str, Callout or NamedParagraph
         The result in words, a paragraph each.
-    sections : sequence of Section
+    sections : sequence of PageSection
         What it rests on.
     footer : str
         Last line.
@@ -227,7 +227,7 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def _section(section: Section) -> str:
+def _section(section: PageSection) -> str:
     parts = ["<section>", f"<h2>{escape(section.title)}</h2>"]
     parts += map(_paragraph, section.paragraphs)
     if section.figures:
@@ -237,13 +237,13 @@ def _section(section: Section) -> str:
     return "\n".join([*parts, "</section>"])
 
 
-def _paragraph(text: str | Callout | Named) -> str:
+def _paragraph(text: str | Callout | NamedParagraph) -> str:
     if isinstance(text, Callout):
         return (
             f'<p class="callout {text.kind}" role="note"><strong>{text.kind}</strong>'
             f"{escape(text.text)}</p>"
         )
-    if isinstance(text, Named):
+    if isinstance(text, NamedParagraph):
         return f"<p><strong>{escape(text.name)}.</strong> {escape(text.text)}</p>"
     return f"<p>{escape(text)}</p>"
 
@@ -264,7 +264,7 @@ def _figure(caption: str, figure: Figure | bytes) -> str:
     )
 
 
-def _table(table: Table) -> str:
+def _table(table: PageTable) -> str:
     def row(cells: Sequence[str], tag: str) -> str:
         kinds = ["" if i in table.words else ' class="number"' for i in range(len(cells))]
         inside = (f"<{tag}{k}>{escape(c)}</{tag}>" for c, k in zip(cells, kinds, strict=True))

@@ -89,7 +89,7 @@ class Exponents:
         )
 
 
-class _Law(NamedTuple):
+class _PowerLaw(NamedTuple):
     """A power law y_0 + sign a s^n through a curve: pairs are values and deviations."""
 
     exponent: tuple[float, float]
@@ -141,7 +141,7 @@ def free_exponents(curves: ModalCurves | Sequence[ModalCurves]) -> Exponents:
     )
 
 
-def _power_law(amplitude: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float) -> _Law:
+def _power_law(amplitude: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float) -> _PowerLaw:
     """The law y = y_0 + sign a s^n over amplitudes, a not negative, that fits best.
 
     For a given n the law is linear in y_0 and a, so n alone has to be looked for.
@@ -171,7 +171,7 @@ def _power_law(amplitude: np.ndarray, y: np.ndarray, std: np.ndarray, sign: floa
     if exponent_std > _WHOLE:
         exponent_std, constant_std = _WHOLE, _over_exponents(s, y, std, sign, line, variance)
     coefficient = a / largest**found
-    return _Law(
+    return _PowerLaw(
         (found, exponent_std),
         (coefficient, coefficient * log_std if known else math.inf),
         (constant, constant_std),
@@ -179,7 +179,7 @@ def _power_law(amplitude: np.ndarray, y: np.ndarray, std: np.ndarray, sign: floa
     )
 
 
-class _Lines(NamedTuple):
+class _LinearFits(NamedTuple):
     """For each exponent the best y_0 and a, their variances for unit misfit, what is left."""
 
     constant: np.ndarray
@@ -189,7 +189,9 @@ class _Lines(NamedTuple):
     cost: np.ndarray
 
 
-def _lines(s: np.ndarray, n: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float) -> _Lines:
+def _lines(
+    s: np.ndarray, n: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float
+) -> _LinearFits:
     """Weighted lines y = y_0 + sign a s^n for every n, a not negative."""
     total = np.sum(std**-2.0)
     weight = std**-2.0 / total
@@ -200,7 +202,7 @@ def _lines(s: np.ndarray, n: np.ndarray, y: np.ndarray, std: np.ndarray, sign: f
     a = np.maximum(sign * (off * (y - y_mean)) @ weight / spread, 0.0)
     constant = y_mean - sign * a * x_mean
     residual = y - constant[:, None] - sign * a[:, None] * x
-    return _Lines(
+    return _LinearFits(
         constant,
         a,
         (1.0 + x_mean**2 / spread) / total,
@@ -210,7 +212,7 @@ def _lines(s: np.ndarray, n: np.ndarray, y: np.ndarray, std: np.ndarray, sign: f
 
 
 def _over_exponents(
-    s: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float, best: _Lines, variance: float
+    s: np.ndarray, y: np.ndarray, std: np.ndarray, sign: float, best: _LinearFits, variance: float
 ) -> float:
     """Deviation of y_0 where the exponent may be any: over all of them by their odds."""
     each = _lines(s, np.linspace(*_RANGE, _GRID), y, std, sign)

@@ -240,7 +240,7 @@ class Certainty:
     determined: dict[str, bool]
 
 
-class Point(NamedTuple):
+class Evaluation(NamedTuple):
     """All that a problem says at one set of parameters.
 
     Attributes
@@ -263,7 +263,7 @@ class Point(NamedTuple):
 
 
 @compiled_for_one_call
-def point(problem: AbstractProblem, theta: jax.Array) -> Point:
+def point(problem: AbstractProblem, theta: jax.Array) -> Evaluation:
     """A problem at one set of parameters, in one compiled kernel."""
 
     def residuals(t: jax.Array):
@@ -273,7 +273,7 @@ def point(problem: AbstractProblem, theta: jax.Array) -> Point:
     (slope, derived_slope), (prediction, differences, derived) = jax.jacfwd(
         residuals, has_aux=True
     )(theta)
-    return Point(prediction, differences, slope, derived, derived_slope)
+    return Evaluation(prediction, differences, slope, derived, derived_slope)
 
 
 def certainty(

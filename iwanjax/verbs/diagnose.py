@@ -21,7 +21,7 @@ from iwanjax.plotting import (
     plot_prediction,
     plot_restoring,
 )
-from iwanjax.report.page import Named, Section, Table, render
+from iwanjax.report.page import NamedParagraph, PageSection, PageTable, render
 from iwanjax.report.words import with_deviation
 from iwanjax.verbs.diagnosed import diagnosed
 from iwanjax.verbs.output import file_names, results, save, version, write_json
@@ -54,13 +54,15 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
     return [*lead, f"wrote {out / 'report.html'}"]
 
 
-def _lead(verdicts: Mapping[str, Diagnosis]) -> list[str | Named]:
+def _lead(verdicts: Mapping[str, Diagnosis]) -> list[str | NamedParagraph]:
     """Each verdict first; then how much better predictions get, the doubt, what to do next."""
-    lead: list[str | Named] = []
+    lead: list[str | NamedParagraph] = []
     for name, verdict in verdicts.items():
         first, *others = verdict.told()
-        lead.append(Named(name, first) if len(verdicts) > 1 else first)
-        lead += [Named(title, text) for title, text in zip(_PARTS, others, strict=True) if text]
+        lead.append(NamedParagraph(name, first) if len(verdicts) > 1 else first)
+        lead += [
+            NamedParagraph(title, text) for title, text in zip(_PARTS, others, strict=True) if text
+        ]
     return lead
 
 
@@ -224,11 +226,11 @@ def _pictures(
     return found
 
 
-def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> Section:
+def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> PageSection:
     """What a verdict rests on: its pictures and its tables."""
     static = isinstance(verdict.runs[0], CurveRun | LoopRun | ModesRun)
     models = ("Joints refitted", "With the first suspect")[: 1 + bool(verdict.what)]
-    recordings = Table(
+    recordings = PageTable(
         ("Recording", *models),
         tuple(
             (name, *(f"{error:.3g}" for error in errors[: len(models)]))
@@ -237,7 +239,7 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
         "Root mean square of predicted less measured over that of measured"
         + ("." if static else ", free run."),
     )
-    rivals = Table(
+    rivals = PageTable(
         ("Kind", "Where", "Parameters", "Probability", "Log evidence"),
         tuple(
             (
@@ -256,7 +258,7 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
         "What was tried together with the joints; evidence less that of the best.",
         words=(0, 1, 2),
     )
-    modes = Table(
+    modes = PageTable(
         ("Recording", "Mode", "Quantity", "Amplitudes", "Model less measured"),
         tuple(
             (
@@ -271,7 +273,7 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
         "Frequency and damping that the model with its joints refitted gets wrong.",
         words=(0, 1, 2),
     )
-    joints = Table(
+    joints = PageTable(
         ("Joint", "Parameter", "Value", "Deviation", "Unit"),
         tuple(
             (each.name, p.info.name, *with_deviation(p.value, p.std), p.info.dimension)
@@ -285,4 +287,4 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
     tables += [rivals] * bool(verdict.what) + [joints] * bool(verdict.joints)
     tables += [modes] * bool(verdict.observables)
     title = f"{name}: what it rests on" if static else "What it rests on"
-    return Section(title, (), tuple(pictures), tuple(tables))
+    return PageSection(title, (), tuple(pictures), tuple(tables))

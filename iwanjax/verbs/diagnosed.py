@@ -9,11 +9,11 @@ import numpy as np
 
 from iwanjax.config import RecordingEntry, Study
 from iwanjax.curves import QUANTITIES, ModalCurves
-from iwanjax.discrepancy import Diagnosis, Transient, diagnose
+from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose
 from iwanjax.discrepancy.steady.diagnose_curves import diagnose_curves
 from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
-from iwanjax.discrepancy.steady.interacting_modes import Companion
+from iwanjax.discrepancy.steady.interacting_modes import InteractingMode
 from iwanjax.errors import InputError
 from iwanjax.signals import ForceLoop, Recording, read_loop
 from iwanjax.updating import modal_parameters
@@ -74,7 +74,7 @@ def _modes(study: Study, budget: float) -> dict[str, Diagnosis]:
             study.parameters(mode.name, modal_parameters(kind, curves)),
             name=mode.name,
             mode=names.index(mode.name),
-            companions=[_companion(mode, other) for other in modes if other is not mode],
+            interacting_modes=[_companion(mode, other) for other in modes if other is not mode],
             own=of_one_quantity([curves[0], *(hit.curves for hit in (*mode.hits, *mode.held_out))])[
                 1:
             ],
@@ -87,7 +87,7 @@ def _modes(study: Study, budget: float) -> dict[str, Diagnosis]:
     return found
 
 
-def _companion(mode: MeasuredMode, other: MeasuredMode) -> Companion:
+def _companion(mode: MeasuredMode, other: MeasuredMode) -> InteractingMode:
     """What another mode did in the recordings of one; nothing where that was not measured."""
     there = {hit.name: hit for hit in (*other.hits, *other.held_out)}
     f = float(np.mean(np.concatenate([np.asarray(hit.curves.frequency) for hit in other.hits])))
@@ -100,7 +100,7 @@ def _companion(mode: MeasuredMode, other: MeasuredMode) -> Companion:
         known = with_it.ringdown
         envelope = np.interp(hit.ringdown.time, known.signal_time, known.envelope)
         found.append(envelope / (2.0 * math.pi * f) ** QUANTITIES[known.curves.quantity])
-    return Companion(other.name, f, tuple(found))
+    return InteractingMode(other.name, f, tuple(found))
 
 
 def _joint(study: Study, label: str, budget: float) -> Diagnosis:
@@ -197,7 +197,7 @@ def _structure(study: Study, budget: float) -> Diagnosis:
         )
     sensors, quantity, rate = _common(study, [recording for _, recording in found])
     transients = [
-        Transient(
+        StudyRecording(
             entry.name,
             _response(entry, recording),
             None if entry.kind == "free_decay" else _forces(study, recording, entry.place),

@@ -23,7 +23,7 @@ from iwanjax.config.simulate import (
     Sine,
     SweptSine,
 )
-from iwanjax.dynamics import Transient, half_sine, modal_input, ramp, simulate, sine, sweep
+from iwanjax.dynamics import SimulatedResponse, half_sine, modal_input, ramp, simulate, sine, sweep
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, hysteresis
 from iwanjax.plotting import plot_hysteresis, plot_transient
@@ -98,7 +98,7 @@ def run(study: Study, out: Path) -> list[str]:
     return [*lines, f"wrote {out / 'simulate.json'}"]
 
 
-def _solved(case: SimulationCase) -> tuple[Transient | Driven, float]:
+def _solved(case: SimulationCase) -> tuple[SimulatedResponse | Driven, float]:
     """A case computed, and the seconds that compiling and running took."""
     start = time.perf_counter()
     try:
@@ -108,7 +108,7 @@ def _solved(case: SimulationCase) -> tuple[Transient | Driven, float]:
     return result, time.perf_counter() - start
 
 
-def _transient(case: SimulationCase) -> Transient:
+def _transient(case: SimulationCase) -> SimulatedResponse:
     settings = case.settings
     force, rows, dt = _force(case)
     found = simulate(
@@ -213,7 +213,7 @@ def _driven(case: SimulationCase) -> Driven:
     )
 
 
-def _figure(case: SimulationCase, result: Transient | Driven) -> Figure | None:
+def _figure(case: SimulationCase, result: SimulatedResponse | Driven) -> Figure | None:
     """The picture of a case; None where what was kept makes none."""
     if isinstance(result, Driven):
         # Virgin curve and steady loop are quasi-static.
@@ -226,7 +226,7 @@ def _figure(case: SimulationCase, result: Transient | Driven) -> Figure | None:
     return plot_transient(result, labels=list(case.sensors))
 
 
-def _arrays(case: SimulationCase, result: Transient | Driven) -> dict[str, np.ndarray]:
+def _arrays(case: SimulationCase, result: SimulatedResponse | Driven) -> dict[str, np.ndarray]:
     """A case for simulate.npz."""
     if isinstance(result, Driven):
         found = {"time": result.time, "joint_deflection": result.d, "joint_force": result.force}
@@ -241,7 +241,9 @@ def _arrays(case: SimulationCase, result: Transient | Driven) -> dict[str, np.nd
     return found | {"sensors": np.array(list(case.sensors)), "joints": np.array(result.labels)}
 
 
-def _told(case: SimulationCase, result: Transient | Driven, seconds: float) -> dict[str, Any]:
+def _told(
+    case: SimulationCase, result: SimulatedResponse | Driven, seconds: float
+) -> dict[str, Any]:
     """A case for simulate.json."""
     common = {"name": case.name, "compile_and_run_seconds": round(seconds, 3)}
     if isinstance(result, Driven):
@@ -282,7 +284,7 @@ def _cycle(joint: AbstractJoint, amplitude: Array, omega: float) -> tuple[Array,
     return joint.secant(amplitude), joint.dissipation(amplitude, omega=omega)
 
 
-def _told_transient(case: SimulationCase, found: Transient) -> dict[str, Any]:
+def _told_transient(case: SimulationCase, found: SimulatedResponse) -> dict[str, Any]:
     settings = case.settings
     time = np.asarray(found.time)
     step = float(time[1] - time[0]) / settings.every

@@ -16,11 +16,11 @@ RATE, SECONDS, STEPS = 2048.0, 4.0, 8
 LEVELS = (2.5, 1.2, 0.4, 1.6)
 """Velocities after the hits over omega_0 phi_max; the last is held out."""
 
-Force = Callable[[np.ndarray, np.ndarray], np.ndarray]
+CyclicForce = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(displacement, velocity) -> force per unit modal mass."""
 
 
-def decays(force: Force) -> np.ndarray:
+def decays(force: CyclicForce) -> np.ndarray:
     """Velocities (N, hits) of free decays, by kicks of everything that is not linear."""
     omega, zeta = TRUTH.omega_0, TRUTH.zeta_0
     slip, k = make_hits.sliders(TRUTH, 120, 1.09)
@@ -50,7 +50,7 @@ def decays(force: Force) -> np.ndarray:
 
 
 def measured(
-    force: Force, noise_db: float, seed: int, decayed: np.ndarray | None = None
+    force: CyclicForce, noise_db: float, seed: int, decayed: np.ndarray | None = None
 ) -> list[ij.ModalCurves]:
     """Curves of all hits, noise so far below each one's peak."""
     v = decays(force) if decayed is None else decayed

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from test_ranking import SEARCH, entry
 
-from iwanjax.discrepancy.histories import selection as competition
-from iwanjax.discrepancy.histories.ranking import Grounds
-from iwanjax.discrepancy.histories.selection import Table
+from iwanjax.discrepancy.histories import selection as selection
+from iwanjax.discrepancy.histories.ranking import Scope
+from iwanjax.discrepancy.histories.selection import ModelSelection
 
 STAGES = ("_nominal", "screened", "_first", "again")
 
 
-def grounds(stages: int, seen: list[str]) -> Grounds:
+def scope(stages: int, seen: list[str]) -> Scope:
     """Time for so many stages."""
-    return Grounds((), (), (), (), lambda: len(seen) < stages, lambda line: None)
+    return Scope((), (), (), (), lambda: len(seen) < stages, lambda line: None)
 
 
 @pytest.mark.parametrize("stages", [1, 2, 3])
@@ -27,7 +27,7 @@ def test_no_stage_begins_when_the_time_is_over(monkeypatch, stages):
     results = {
         "_nominal": entry(9.0).fitted,
         "screened": [candidate],
-        "_first": [entry(1.0, "mass_error@a", cycles=2.0)],
+        "_first": [entry(1.0, "mass_error@a", time_constant=2.0)],
     }
 
     def stage(name):
@@ -38,8 +38,8 @@ def test_no_stage_begins_when_the_time_is_over(monkeypatch, stages):
         return run
 
     for name in STAGES:
-        monkeypatch.setattr(competition, name, stage(name))
-    found = competition.run(SEARCH, grounds(stages, seen), 0)
+        monkeypatch.setattr(selection, name, stage(name))
+    found = selection.run(SEARCH, scope(stages, seen), 0)
     assert tuple(seen) == STAGES[:stages]
     assert not found.detected
     assert len(found.scores) == (stages > 1)
@@ -49,10 +49,10 @@ def test_nothing_is_polished_when_the_time_is_over(monkeypatch):
     def fail(*args, **options):
         raise AssertionError("polished")
 
-    monkeypatch.setattr(competition, "again", fail)
-    monkeypatch.setattr(competition, "in_the_middle", fail)
-    monkeypatch.setattr(competition, "determined", lambda *_: True)
-    table = Table(True, entry(9.0), (entry(1.0, "mass_error@a"),), ())
-    found = competition.concluded(table, SEARCH, grounds(0, []))
+    monkeypatch.setattr(selection, "again", fail)
+    monkeypatch.setattr(selection, "in_the_middle", fail)
+    monkeypatch.setattr(selection, "determined", lambda *_: True)
+    table = ModelSelection(True, entry(9.0), (entry(1.0, "mass_error@a"),), ())
+    found = selection.concluded(table, SEARCH, scope(0, []))
     assert found.detected
     assert np.isfinite(found.nominal.behind)

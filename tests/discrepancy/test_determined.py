@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.effects import CATALOGUE
-from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.histories import hypotheses as hypotheses
 from iwanjax.discrepancy.histories.estimates import determined
-from iwanjax.discrepancy.steady.one_joint import Deviations, Named, Standing
+from iwanjax.discrepancy.steady.one_joint import Deviations, PlacedForce, Ranking
 
 SEARCH = SimpleNamespace(parameters=0, recordings=1, directions=0, order=(0,))
 
@@ -30,7 +30,7 @@ def fitted(name, theta, shape=False, fixed=False):
 @pytest.fixture
 def known(monkeypatch):
     """Sets the covariance of what was fitted."""
-    return lambda C: monkeypatch.setattr(suspicion, "covariance", lambda *_: np.array(C))
+    return lambda C: monkeypatch.setattr(hypotheses, "covariance", lambda *_: np.array(C))
 
 
 @pytest.mark.parametrize(("gain", "std", "sure"), [(-0.127, 1.6, False), (-0.127, 0.01, True)])
@@ -66,7 +66,7 @@ def test_of_a_model_that_broke_down_no_size_is_known(known):
 def fit(cost, name=None, size=0.0, std=math.nan):
     """A joint's fit to 1000 white values."""
     return SimpleNamespace(
-        force=Named(CATALOGUE[name][0], 1.0) if name else None,
+        force=PlacedForce(CATALOGUE[name][0], 1.0) if name else None,
         theta=np.array([size]),
         cost=cost,
         count=1000,
@@ -82,7 +82,7 @@ def test_beside_a_joint_the_next_that_is_determined_leads():
         fit(900.0, "cubic_stiffness", 0.127, 1.6),
         fit(1000.0, "stiffness_error", 0.127, 0.01),
     )
-    standing = Standing.of(alone, [open_one, known_one])
+    standing = Ranking.of(alone, [open_one, known_one])
     assert standing.chosen is known_one
     assert [each.fit for each in standing.entries] == [known_one]
-    assert Standing.of(alone, [open_one]).chosen is alone
+    assert Ranking.of(alone, [open_one]).chosen is alone

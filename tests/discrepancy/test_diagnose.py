@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy import CATALOGUE, ForceKind, Transient, diagnose, register_kind
+from iwanjax.discrepancy import CATALOGUE, ForceKind, StudyRecording, diagnose, register_kind
 from iwanjax.joints import ParameterInfo
 
 # Chains of two masses: one set of kernels serves them all.
@@ -205,14 +205,14 @@ BAD = {
 def test_bad_recordings_get_one_clear_line(case):
     changed, options, message = BAD[case]
     good = {"response": RNG.standard_normal((400, 2)), "force": RNG.standard_normal((400, 2))}
-    bad = Transient("rec", **(good | changed))
+    bad = StudyRecording("rec", **(good | changed))
     with pytest.raises(ij.InputError, match=message) as caught:
         diagnose(structure(), [bad], 1024.0, places=ROWS, inputs=TWO, sensors=SENSORS, **options)
     assert "\n" not in str(caught.value)
 
 
 def test_a_row_of_zeros_is_said():
-    recording = Transient("rec", RNG.standard_normal((400, 2)), RNG.standard_normal((400, 2)))
+    recording = StudyRecording("rec", RNG.standard_normal((400, 2)), RNG.standard_normal((400, 2)))
     rows = ROWS | {"nowhere": np.zeros(2)}
     found = diagnose(
         structure(),

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import iwanjax as ij
 from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.histories.kernels import Joint, joints_at, located
-from iwanjax.discrepancy.histories.levenberg_marquardt import Lane, Layout, step_within
-from iwanjax.discrepancy.histories.linearise import Seen
+from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, Layout, step_within
+from iwanjax.discrepancy.histories.linearise import Linearisation
 from iwanjax.discrepancy.histories.predictor import Suspects
 from iwanjax.discrepancy.histories.problem import Hypothesis
 from iwanjax.types import compiled_for_one_call
@@ -101,7 +101,7 @@ def test_what_a_step_promises_is_the_least_squares_of_a_linear_model(seed, size)
     random = np.random.default_rng(seed)
     slopes, residual = random.standard_normal((12, size)), random.standard_normal(12)
     precision, x = random.uniform(0.0, 2.0, size), random.standard_normal(size)
-    seen = Seen(
+    seen = Linearisation(
         np.array([residual @ residual]),
         (slopes.T @ residual)[None],
         (slopes.T @ slopes)[None],
@@ -111,7 +111,7 @@ def test_what_a_step_promises_is_the_least_squares_of_a_linear_model(seed, size)
     layout = Layout(np.zeros((1, size)), np.eye(size)[None], precision)
     nobody = Suspects(*(jnp.zeros((1, 1)) for _ in range(2)), jnp.zeros((1, 3, 1)), jnp.zeros(1))
     nothing = Hypothesis((), (), nobody)
-    lane = Lane(nothing, layout, size, 12, x, seen)
+    lane = Descent(nothing, layout, size, 12, x, seen)
     # By an independent route: the same as rows of one least-squares problem.
     rows = np.concatenate([slopes, np.diag(np.sqrt(precision))])
     wanted = np.concatenate([residual - slopes @ x, np.zeros(size)])

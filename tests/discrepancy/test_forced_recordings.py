@@ -25,9 +25,9 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy import Transient, diagnose
+from iwanjax.discrepancy import StudyRecording, diagnose
 from iwanjax.discrepancy.histories.predictor import predictor
-from iwanjax.discrepancy.histories.time_steps import Sides
+from iwanjax.discrepancy.histories.time_steps import StudyData
 from iwanjax.discrepancy.histories.validation import free_run
 
 WEAK, STRONG = 5.0, 30.0
@@ -38,7 +38,7 @@ UNEQUAL = (("fit", 500, WEAK, 1), ("fit", 900, STRONG, 2), ("hold_out", 3000, ST
 
 def transients(those, **options):
     return [
-        Transient(f"{use} {seed}", *recording(samples, level, seed, **options), use)
+        StudyRecording(f"{use} {seed}", *recording(samples, level, seed, **options), use)
         for use, samples, level, seed in those
     ]
 
@@ -62,7 +62,7 @@ def taken(recordings):
     by, modal = predictor(
         ij.JointedStructure(linear(), {}), rows, rows, RATE, "displacement", (), 2
     )
-    return Sides.of(recordings, by, modal, np.full(1, np.nan))
+    return StudyData.of(recordings, by, modal, np.full(1, np.nan))
 
 
 def test_no_fit_runs_through_the_length_of_what_is_held_out():
@@ -198,10 +198,10 @@ def test_what_fails_late_costs_no_verdict(told, monkeypatch, tmp_path):
 def only_fitted():
     """Free runs of what was fitted, and none of what was held out."""
 
-    def run(search, fitted, other, batches):
+    def run(problem, fitted, other, batches):
         if batches[0][0].names[0].startswith("hold_out"):
             failing()
-        return free_run(search, fitted, other, batches)
+        return free_run(problem, fitted, other, batches)
 
     return run
 
@@ -219,5 +219,5 @@ def test_a_record_of_a_shaker_never_comes_free():
     assert shaken.released == len(shaken.response)
     hit = np.zeros((900, 1))
     hit[40:50, 0] = np.hanning(10)
-    assert 45 < Transient("hit", shaken.response, hit).released < 60
-    assert Transient("decay", shaken.response, None).released == 0
+    assert 45 < StudyRecording("hit", shaken.response, hit).released < 60
+    assert StudyRecording("decay", shaken.response, None).released == 0

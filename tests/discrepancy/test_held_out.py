@@ -5,17 +5,17 @@ import pytest
 
 from iwanjax.discrepancy.histories import levenberg_marquardt as lanes
 from iwanjax.discrepancy.histories.problem import elapsed, rates
-from iwanjax.discrepancy.histories.validation import Free, joined
+from iwanjax.discrepancy.histories.validation import FreeRun, joined
 
 RNG = np.random.default_rng(3)
 
 
-def run(noise: list[float], scatter: list[float]) -> Free:
+def run(noise: list[float], scatter: list[float]) -> FreeRun:
     """Of a measured root mean square of one over 50 samples of two sensors."""
     count = len(noise)
     blank = np.zeros((count, 50, 2))
     names = tuple(f"rec{i}" for i in range(count))
-    return Free(names, blank, blank + 1.0, np.array(noise), np.array(scatter), np.zeros(count))
+    return FreeRun(names, blank, blank + 1.0, np.array(noise), np.array(scatter), np.zeros(count))
 
 
 def test_without_scatter_a_perfect_model_leaves_its_floor():
@@ -56,24 +56,24 @@ def loosening(monkeypatch):
     hypothesis = SimpleNamespace(drifting=0, sizes=(False,), shapes=(False,))
     parameters = [SimpleNamespace(name=name) for name in ("F_S", "K_T", "chi", "beta")]
     joint = SimpleNamespace(given=SimpleNamespace(parameters=parameters))
-    search = SimpleNamespace(
+    problem = SimpleNamespace(
         parameters=4, recordings=3, directions=6, order=(0, 1, 3), joints=(joint,)
     )
-    return hypothesis, search
+    return hypothesis, problem
 
 
 def test_a_drift_goes_on_in_line(loosening):
-    hypothesis, search = loosening
+    hypothesis, problem = loosening
     theta = np.zeros((3, 6))
     theta[:, 0] = 0.4, 0.2, -0.2
     theta[:, 1] = 0.3, 0.25, 0.25
-    layout, x = lanes._laid_out(search, SimpleNamespace(hypothesis=hypothesis, theta=theta))
+    layout, x = lanes._laid_out(problem, SimpleNamespace(hypothesis=hypothesis, theta=theta))
     np.testing.assert_allclose((layout.base + layout.T @ x)[:, :6], theta, atol=1e-12)
-    of_strength, of_stiffness = rates(search, hypothesis)
+    of_strength, of_stiffness = rates(problem, hypothesis)
     assert x[of_strength] == pytest.approx(-0.6)
     assert x[of_stiffness] == pytest.approx(-0.05)
     # An even change costs less than the same one all at once.
     off_the_line = layout.precision * x**2
     np.testing.assert_allclose(off_the_line[of_strength + 1 : of_strength + 3], 0.0, atol=1e-12)
     assert off_the_line[of_stiffness + 1] > off_the_line[of_stiffness]
-    np.testing.assert_allclose(elapsed(search, [2, 4]), [2 / 3, 4 / 3])
+    np.testing.assert_allclose(elapsed(problem, [2, 4]), [2 / 3, 4 / 3])

@@ -8,7 +8,7 @@ import pytest
 from iwanjax.discrepancy.effects import CATALOGUE
 from iwanjax.discrepancy.histories import joint_faults
 from iwanjax.discrepancy.histories.likelihood import left_by_noise
-from iwanjax.discrepancy.histories.ranking import Entry
+from iwanjax.discrepancy.histories.ranking import RankedFit
 
 N = 1000
 SEARCH = SimpleNamespace(
@@ -25,7 +25,7 @@ def fitted(cost: float, *kinds: str) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(
-    ("best", "faults", "asked"),
+    ("best", "sensor_faults", "asked"),
     [
         (fitted(5.0, "gap_contact"), [4.0, 6.0], True),
         (fitted(5.0, "gap_contact"), [], True),
@@ -37,8 +37,8 @@ def fitted(cost: float, *kinds: str) -> SimpleNamespace:
         (fitted(5.0), [], False),
     ],
 )
-def test_a_partner_is_looked_for_beside_one_force_that_leaves_much(best, faults, asked):
-    found = [Entry(SEARCH, fitted(cost, "stiction")) for cost in faults]
+def test_a_partner_is_looked_for_beside_one_force_that_leaves_much(best, sensor_faults, asked):
+    found = [RankedFit(SEARCH, fitted(cost, "stiction")) for cost in sensor_faults]
     single = joint_faults._explaining_too_little(SEARCH, best, found)
     assert single is (best if asked else None)
 
@@ -47,13 +47,13 @@ def test_a_partner_is_looked_for_beside_one_force_that_leaves_much(best, faults,
 def test_a_joint_that_sticks_has_to_take_most_of_what_the_force_leaves(monkeypatch, cost, kept):
     """Of the three times the noise that the force leaves too much, two."""
     short, seen = fitted(4.0, "gap_contact"), []
-    pair = Entry(SEARCH, fitted(cost, "stiction", "gap_contact"))
+    pair = RankedFit(SEARCH, fitted(cost, "stiction", "gap_contact"))
 
-    def stuck(search, nominal, limits, grounds, cycles=2.0, beside=None):
+    def stuck(problem, nominal, limits, scope, time_constant=2.0, beside=None):
         seen.append((nominal, limits.best, beside))
         return [pair]
 
-    monkeypatch.setattr(joint_faults, "fit_all", lambda *_, **__: [short])
+    monkeypatch.setattr(joint_faults, "multistart", lambda *_, **__: [short])
     monkeypatch.setattr(joint_faults, "stuck", stuck)
     single = fitted(5.0, "gap_contact")
     assert joint_faults._beside_stiction(SEARCH, single, LIMITS, GROUNDS) == [pair] * kept

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from iwanjax.discrepancy.histories import levenberg_marquardt as lanes
-from iwanjax.discrepancy.histories.linearise import Seen
+from iwanjax.discrepancy.histories.linearise import Linearisation
 
 
 class Valley:
@@ -26,13 +26,13 @@ class Valley:
         e, J = cls.residual(x), cls.slopes(x)
         moment, normal = J.T @ e.ravel(), J.T @ J
         slopes = J.T.reshape(1, 2, 8, 1)
-        return Seen(np.array([np.sum(e**2)]), moment[None], normal[None], e, slopes)
+        return Linearisation(np.array([np.sum(e**2)]), moment[None], normal[None], e, slopes)
 
     @classmethod
     def lane(cls, x):
         layout = lanes.Layout(np.zeros((1, 2)), np.eye(2)[None], np.zeros(2))
         hypothesis = SimpleNamespace(sizes=(), shapes=(), suspects=None)
-        return lanes.Lane(hypothesis, layout, 2, 1, x, cls.seen(x))
+        return lanes.Descent(hypothesis, layout, 2, 1, x, cls.seen(x))
 
     @classmethod
     def steps(cls, bent):

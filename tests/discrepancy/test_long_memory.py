@@ -18,9 +18,9 @@ def looked(monkeypatch):
         before: float, now: float, drops: list[float], suspects: list[float], known: int = 0
     ) -> list[float]:
         told = []
-        grounds = SimpleNamespace(in_time=lambda: True, progress=told.append)
+        scope = SimpleNamespace(in_time=lambda: True, progress=told.append)
         candidates = [SimpleNamespace(start=start(i), drop=drop) for i, drop in enumerate(drops)]
-        monkeypatch.setattr(long_memory, "left_by_noise", lambda search: NOISE)
+        monkeypatch.setattr(long_memory, "left_by_noise", lambda problem: NOISE)
         monkeypatch.setattr(long_memory, "screened", lambda *args: candidates)
         monkeypatch.setattr(
             long_memory,
@@ -29,25 +29,25 @@ def looked(monkeypatch):
         )
         monkeypatch.setattr(
             long_memory,
-            "fit_all",
-            lambda search, starts, *args, **rest: [
+            "multistart",
+            lambda problem, starts, *args, **rest: [
                 SimpleNamespace(cost=suspects[each.index]) for each in starts
             ],
         )
         monkeypatch.setattr(long_memory, "limited", lambda *args: None)
         monkeypatch.setattr(long_memory, "stuck", lambda *args: [])
         monkeypatch.setattr(long_memory, "placed", lambda entries: entries)
-        search = SimpleNamespace()
+        problem = SimpleNamespace()
         entries = [
-            SimpleNamespace(search=search, fitted=SimpleNamespace(start=start(i)))
+            SimpleNamespace(problem=problem, fitted=SimpleNamespace(start=start(i)))
             for i in range(len(suspects) - known, len(suspects))
         ]
         found = long_memory.appearing(
-            search,
+            problem,
             SimpleNamespace(cost=before),
-            SimpleNamespace(cost=now, cycles=40.0),
+            SimpleNamespace(cost=now, time_constant=40.0),
             entries,
-            grounds,
+            scope,
         )
         assert bool(told) == (now >= 1.25 * max(before, NOISE))
         return [entry.fitted.cost for entry in found]

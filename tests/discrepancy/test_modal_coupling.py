@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy.steady.interacting_modes import Companion, moved_by_both
+from iwanjax.discrepancy.steady.interacting_modes import InteractingMode, moved_by_both
 from iwanjax.errors import InputError
 from iwanjax.signals import ringdown
 
@@ -57,7 +57,7 @@ def verdict(several, amplitude, **options):
         "iwan4",
         merged.weighted_hits,
         merged.weighted(several[-1]),
-        companions=[Companion("mode1", 105.5, tuple(amplitude))],
+        interacting_modes=[InteractingMode("mode1", 105.5, tuple(amplitude))],
         own=several,
         **options,
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.histories import pairs
-from iwanjax.discrepancy.histories.ranking import MIDDLE, Entry
+from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
 
 N = 1000
 SEARCH = SimpleNamespace(
@@ -14,9 +14,13 @@ SEARCH = SimpleNamespace(
 )
 
 
-def entry(cost: float, where: str, cycles: float = MIDDLE, search: object = SEARCH) -> Entry:
+def entry(
+    cost: float, where: str, time_constant: float = TIME_CONSTANT, problem: object = SEARCH
+) -> RankedFit:
     hypothesis = SimpleNamespace(where=(where,), drifting=None)
-    return Entry(search, SimpleNamespace(hypothesis=hypothesis, cost=cost * N, cycles=cycles))
+    return RankedFit(
+        problem, SimpleNamespace(hypothesis=hypothesis, cost=cost * N, time_constant=time_constant)
+    )
 
 
 @pytest.fixture
@@ -24,7 +28,7 @@ def asked(monkeypatch):
     """Whom a second was looked for beside; only beside m3 one is found that explains all."""
     seen = []
 
-    def beside(search, first, grounds):
+    def beside(problem, first, scope):
         seen.append(first.hypothesis.where[0])
         found = entry(0.3, "m3").fitted if seen[-1] == "m3" else entry(60.0, "m2").fitted
         return [found], []
@@ -46,8 +50,8 @@ def test_where_the_first_and_its_partners_explain_too_little_the_next_place_is_a
     [
         [entry(110.0, "m2")],
         [entry(250.0, "m3")],
-        [entry(50.0, "m3", cycles=2.0)],
-        [entry(120.0, "m3", search=None)],
+        [entry(50.0, "m3", time_constant=2.0)],
+        [entry(120.0, "m3", problem=None)],
     ],
 )
 def test_what_is_at_the_same_place_or_explains_much_less_is_not_asked(asked, others):

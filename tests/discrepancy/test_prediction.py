@@ -12,19 +12,19 @@ import scipy.linalg
 import iwanjax as ij
 from iwanjax.discrepancy import CATALOGUE
 from iwanjax.discrepancy.histories import columns as trials
-from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.histories import hypotheses as hypotheses
 from iwanjax.discrepancy.histories.columns import columns_at_rest
-from iwanjax.discrepancy.histories.conditioning import prepared
+from iwanjax.discrepancy.histories.conditioning import conditioned
 from iwanjax.discrepancy.histories.innovations import DELAY_NODES, chain, change_by_delay
 from iwanjax.discrepancy.histories.kernels import Joint
-from iwanjax.discrepancy.histories.linearise import evaluate, glance, innovations
-from iwanjax.discrepancy.histories.multistart import SHORT, fit_all
+from iwanjax.discrepancy.histories.linearise import innovations, linearise, residuals_at
+from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.discrepancy.histories.noise import common_noise
 from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, released, stepped
 from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import hold, predictor
-from iwanjax.discrepancy.histories.problem import Search, Start
-from iwanjax.discrepancy.histories.recordings import Transient, cleaned
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
+from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned
 from iwanjax.signals.comparison_band import in_band
 
 RATE, N = 1024.0, 600
@@ -48,16 +48,18 @@ def pulse():
     return force
 
 
-def search(response, substeps, quantity="acceleration", force=None, names=KINDS, stiffer=1.0):
+def problem(response, substeps, quantity="acceleration", force=None, names=KINDS, stiffer=1.0):
     kinds = tuple(CATALOGUE[name][0] for name in names)
     model = structure(stiffer)
     made, modal = predictor(
         model, jnp.array([[1.0, 0.0]]), jnp.eye(2), RATE, quantity, kinds, substeps
     )
-    recording = Transient("rec", response, pulse() if force is None else force)
-    seen = prepared([recording], made, modal, np.array([0.01, 0.01]), N, 1, 6)
+    recording = StudyRecording("rec", response, pulse() if force is None else force)
+    seen = conditioned([recording], made, modal, np.array([0.01, 0.01]), N, 1, 6)
     joints = tuple(Joint(joint, jnp.ones(4)) for joint in model.elements)
-    return Search(made, joints, seen.data, np.array([0.01, 0.01]), (0,)), np.asarray(modal.Phi)
+    return HistoryProblem(made, joints, seen.data, np.array([0.01, 0.01]), (0,)), np.asarray(
+        modal.Phi
+    )
 
 
 def test_the_state_of_a_free_decay_is_estimated_from_what_follows():
@@ -82,16 +84,18 @@ def test_the_state_of_a_free_decay_is_estimated_from_what_follows():
         assert np.max(np.abs(q - wanted[0])) < tolerance * np.max(np.abs(wanted[0]))
         assert np.max(np.abs(v - wanted[1])) < tolerance * np.max(size) * 2e-3
         assert np.all(np.diag(off) > 0)
-        decay = prepared([Transient("rec", response, None)], made, modal, np.full(2, 1e-3), N, 1, 6)
+        decay = conditioned(
+            [StudyRecording("rec", response, None)], made, modal, np.full(2, 1e-3), N, 1, 6
+        )
         assert np.asarray(decay.data.kick)[0].argmax() == 0
         np.testing.assert_array_equal(np.asarray(decay.data.push)[0, 0, -1, :4], z)
 
 
-def predicted(made, hypothesis=None, theta=None, cycles=math.inf):
+def predicted(made, hypothesis=None, theta=None, time_constant=math.inf):
     """What a free run leaves of zeros: the prediction itself, with its sign."""
     hypothesis = made.nothing() if hypothesis is None else hypothesis
     theta = np.zeros(6) if theta is None else theta
-    found = evaluate(made, [(hypothesis, made.still(theta))], cycles)[0]
+    found = linearise(made, [(hypothesis, made.still(theta))], time_constant)[0]
     weight = np.asarray(made.data.weight)
     return np.where(weight > 0, found.residual / np.where(weight > 0, weight, 1.0), 0.0)[0]
 
@@ -131,7 +135,7 @@ def test_the_gain_is_the_riccati_equations():
 
 
 def test_a_system_without_a_gain_leaves_the_others_theirs():
-    made, _ = search(np.ones((N, 2)), 1)
+    made, _ = problem(np.ones((N, 2)), 1)
     A, H = made.rest()
     dt = float(made.predictor.dt)
     step = stepped(A, dt)
@@ -142,21 +146,21 @@ def test_a_system_without_a_gain_leaves_the_others_theirs():
     assert np.all(np.isnan(together[1::2]))
 
 
-@pytest.mark.parametrize("cycles", [2.0, 30.0])
-def test_the_observers_median_pole_dies_within_the_memory(cycles):
+@pytest.mark.parametrize("time_constant", [2.0, 30.0])
+def test_the_observers_median_pole_dies_within_the_memory(time_constant):
     A = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-900, 100, -0.1, 0], [100, -4e3, 0, -0.2]], float)
     H = np.eye(2, 4)
     step = stepped(A, 1e-3)
-    gain = observer_gain(step, H, 1e-3, process_noise(step, H, 1e-3, cycles))
+    gain = observer_gain(step, H, 1e-3, process_noise(step, H, 1e-3, time_constant))
     poles = np.linalg.eigvals((np.eye(4) - gain @ H) @ step)
     decay = -np.log(np.abs(poles)) / np.abs(np.angle(poles)) * 2 * np.pi
-    assert np.median(decay) == pytest.approx(1.0 / cycles, rel=1e-3)
+    assert np.median(decay) == pytest.approx(1.0 / time_constant, rel=1e-3)
     assert process_noise(step, H, 1e-3, math.inf) == 0.0
 
 
 @pytest.mark.parametrize("quantity", ["acceleration", "velocity", "displacement"])
 def test_a_free_run_is_what_the_implicit_integrator_gives(quantity):
-    made, _ = search(np.ones((N, 2)), 3, quantity)
+    made, _ = problem(np.ones((N, 2)), 3, quantity)
     shown = 1.0 - predicted(made)
     fine = 16
     t = np.arange(N * fine) / (RATE * fine)
@@ -172,83 +176,93 @@ def test_a_free_run_is_what_the_implicit_integrator_gives(quantity):
 
 
 def test_derivatives_are_those_of_finite_differences():
-    made, Phi = search(RNG.standard_normal((N, 2)), 2)
+    made, Phi = problem(RNG.standard_normal((N, 2)), 2)
     made = replace(made, noise=np.array([0.5, 0.5]))
     kind = made.predictor.kinds[0]
-    start = suspicion.force(made, kind, "m1", ROWS["m1"] @ Phi, np.zeros(4), 3e9, 1.0)
+    start = hypotheses.force(made, kind, "m1", ROWS["m1"] @ Phi, np.zeros(4), 3e9, 1.0)
     theta = start.theta + np.array([0.1, -0.2, 0.1, 0.3, 0.0, 0.0])
-    for cycles in (2.0, math.inf):
-        found = evaluate(made, [(start.hypothesis, made.still(theta))], cycles)[0]
+    for time_constant in (2.0, math.inf):
+        found = linearise(made, [(start.hypothesis, made.still(theta))], time_constant)[0]
         for value in (0, 1, 2, 3, 4, 7):
             costs = []
             for sign in (1.0, -1.0):
                 moved = made.still(theta)
                 moved[:, value] += sign * 1e-4
-                costs.append(evaluate(made, [(start.hypothesis, moved)], cycles)[0].misfit.sum())
+                costs.append(
+                    linearise(made, [(start.hypothesis, moved)], time_constant)[0].misfit.sum()
+                )
             slope = (costs[0] - costs[1]) / 2e-4
             scale = math.sqrt(found.misfit.sum() * found.normal[0, value, value])
             assert slope == pytest.approx(2.0 * found.moment[0, value], abs=2e-4 * scale)
 
 
 @pytest.mark.parametrize(
-    ("cycles", "forces", "faults", "acting"),
+    ("time_constant", "forces", "sensor_faults", "acting"),
     [
         # Kinds that the observer's gain does not depend on: it is redesigned for the others.
-        (SHORT, ("cubic_stiffness", "gap_contact", "coulomb_friction"), ("sensor_delay",), True),
+        (
+            SHORT_TIME_CONSTANT,
+            ("cubic_stiffness", "gap_contact", "coulomb_friction"),
+            ("sensor_delay",),
+            True,
+        ),
         (math.inf, ("viscoelastic", "mass_error", "viscous_damping"), ("sensor_gain",), False),
     ],
     ids=["short memory, beside another", "free run, alone"],
 )
 def test_a_little_of_a_suspect_changes_what_the_linearised_model_says(
-    cycles, forces, faults, acting
+    time_constant, forces, sensor_faults, acting
 ):
-    free, _ = search(np.ones((N, 2)), 2)
+    free, _ = problem(np.ones((N, 2)), 2)
     shown = np.where(np.asarray(free.data.weight)[0] > 0, 1.0 - predicted(free), 0.0)
-    made, Phi = search(
+    made, Phi = problem(
         1.1 * shown + 1e-3 * np.random.default_rng(5).standard_normal((N, 2)), 2, names=forces
     )
     start = Start(made.nothing(), np.array([0.2, -0.3, 0.1, 0.4, 0.0, 0.0]))
     if acting:
         other = CATALOGUE[forces[0]][0]
-        start = suspicion.force(made, other, "m1", ROWS["m1"] @ Phi, start.theta[:4], 50.0, 1e-4)
-    base = fit_all(made, [start], cycles, 0)[0]
-    before = evaluate(made, [(start.hypothesis, base.theta)], cycles)[0].residual
+        start = hypotheses.force(made, other, "m1", ROWS["m1"] @ Phi, start.theta[:4], 50.0, 1e-4)
+    base = multistart(made, [start], time_constant, 0)[0]
+    before = linearise(made, [(start.hypothesis, base.theta)], time_constant)[0].residual
     places = places_of(made, followed(made), {name: row @ Phi for name, row in ROWS.items()})
-    kinds = (*made.predictor.kinds, *(CATALOGUE[name][0] for name in faults))
+    kinds = (*made.predictor.kinds, *(CATALOGUE[name][0] for name in sensor_faults))
     z = base.theta.mean(axis=0)[:4]
-    found = [*trials.units(made, base, kinds, places), *trials.faults(made, kinds, ("a1", "a2"), z)]
+    found = [
+        *trials.unit_effects(made, base, kinds, places),
+        *trials.sensor_faults(made, kinds, ("a1", "a2"), z),
+    ]
     assert {(each.kind.name, each.where) for each in found} == {
         *((kind, place) for kind in forces for place in ROWS),
-        *((kind, sensor) for kind in faults for sensor in ("a1", "a2")),
+        *((kind, sensor) for kind in sensor_faults for sensor in ("a1", "a2")),
     }
     for each, column in zip(found, trials.columns(made, base, found), strict=True):
         size = 1e-4 * np.linalg.norm(before) / np.linalg.norm(column)
         little = each.sized(size)
-        little = suspicion.joined(made, [start, little]) if acting else little
-        after = evaluate(made, [(little.hypothesis, made.still(little.theta))], cycles)[0]
+        little = hypotheses.joined(made, [start, little]) if acting else little
+        after = linearise(made, [(little.hypothesis, made.still(little.theta))], time_constant)[0]
         change = (after.residual - before) / size
         assert np.linalg.norm(change - column) < 2e-3 * np.linalg.norm(column)
 
 
 def test_without_kinds_or_places_nothing_is_tried():
-    made, Phi = search(0.5 * np.ones((N, 2)), 2)
-    base = fit_all(made, [Start(made.nothing(), np.zeros(6))], math.inf, 0)[0]
+    made, Phi = problem(0.5 * np.ones((N, 2)), 2)
+    base = multistart(made, [Start(made.nothing(), np.zeros(6))], math.inf, 0)[0]
     places = places_of(made, followed(made), {"m1": ROWS["m1"] @ Phi})
-    assert trials.units(made, base, (CATALOGUE["stiction"][0],), places) == []
-    assert trials.units(made, base, made.predictor.kinds, ()) == []
-    assert trials.faults(made, made.predictor.kinds, ("a1", "a2"), np.zeros(4)) == []
+    assert trials.unit_effects(made, base, (CATALOGUE["stiction"][0],), places) == []
+    assert trials.unit_effects(made, base, made.predictor.kinds, ()) == []
+    assert trials.sensor_faults(made, made.predictor.kinds, ("a1", "a2"), np.zeros(4)) == []
     assert trials.columns(made, base, []).shape == (0, 1, N, 2)
 
 
 @pytest.mark.parametrize(("quantity", "substeps"), [("acceleration", 2), ("velocity", 4)])
 def test_where_no_joint_slips_responses_are_convolutions(quantity, substeps):
-    made, Phi = search(np.ones((N, 2)), substeps, quantity=quantity, names=("cubic_stiffness",))
+    made, Phi = problem(np.ones((N, 2)), substeps, quantity=quantity, names=("cubic_stiffness",))
     # As stiff as ever, and so strong that it never slips.
     strong = ij.Iwan4(F_S=6e9, K_T=3e4, chi=-0.5, beta=1.5)
     made = replace(made, joints=(Joint(strong, jnp.ones(4)),))
-    base = fit_all(made, [Start(made.nothing(), np.zeros(6))], SHORT, 0)[0]
+    base = multistart(made, [Start(made.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
     places = places_of(made, followed(made), {name: row @ Phi for name, row in ROWS.items()})
-    forces = trials.units(made, base, made.predictor.kinds, places)
+    forces = trials.unit_effects(made, base, made.predictor.kinds, places)
     exact = trials.columns(made, base, forces).reshape(len(forces), -1)
     told = 0
     for which, found in columns_at_rest(made, base, forces):
@@ -259,16 +273,16 @@ def test_where_no_joint_slips_responses_are_convolutions(quantity, substeps):
 
 
 def test_a_pair_is_taken_apart_into_what_it_was_joined_of():
-    made, Phi = search(np.ones((N, 2)), 2)
+    made, Phi = problem(np.ones((N, 2)), 2)
     cubic = made.predictor.kinds[0]
-    one = suspicion.force(made, cubic, "m1", ROWS["m1"] @ Phi, np.full(4, 0.3), -2e9, 1.0)
-    two = suspicion.sensor(made, CATALOGUE["sensor_gain"][0], 1, "a2", np.full(4, 0.3), 0.2)
-    pair = suspicion.joined(made, [one, two])
+    one = hypotheses.force(made, cubic, "m1", ROWS["m1"] @ Phi, np.full(4, 0.3), -2e9, 1.0)
+    two = hypotheses.sensor(made, CATALOGUE["sensor_gain"][0], 1, "a2", np.full(4, 0.3), 0.2)
+    pair = hypotheses.joined(made, [one, two])
     for slot, start in enumerate((one, two)):
-        again = suspicion.alone(made, pair, slot)
+        again = hypotheses.alone(made, pair, slot)
         assert again.hypothesis.label == start.hypothesis.label
         np.testing.assert_array_equal(again.theta, start.theta)
-        (a, b) = evaluate(
+        (a, b) = linearise(
             made, [(x.hypothesis, made.still(x.theta)) for x in (again, start)], math.inf
         )
         np.testing.assert_array_equal(a.residual, b.residual)
@@ -288,9 +302,9 @@ def test_a_small_delay_shows_what_was_a_little_earlier(f, off):
 @pytest.mark.parametrize("late", [0.0, 0.3, 1.25, 2.0, 3.9])
 @pytest.mark.parametrize(("share", "off"), [(0.05, 2e-4), (0.15, 3e-3), (0.25, 1e-2), (0.3, 0.03)])
 def test_a_delayed_sensor_shows_all_that_is_compared_later(late, share, off):
-    made, _ = search(np.ones((N, 2)), 2)
+    made, _ = problem(np.ones((N, 2)), 2)
     kind = CATALOGUE["sensor_delay"][0]
-    suspects = suspicion.sensor(made, kind, 1, "a2", np.zeros(4), 1.0).hypothesis.suspects
+    suspects = hypotheses.sensor(made, kind, 1, "a2", np.zeros(4), 1.0).hypothesis.suspects
     weight, _ = chain(suspects, jnp.array([late]), jnp.ones(1))
     phases = np.exp(-2j * np.pi * share * np.arange(DELAY_NODES))
     assert abs(np.asarray(weight)[:, 0] @ phases - 1.0) < 1e-12
@@ -298,9 +312,9 @@ def test_a_delayed_sensor_shows_all_that_is_compared_later(late, share, off):
 
 
 def test_mass_at_a_place_is_mass_in_the_model():
-    made, Phi = search(np.ones((N, 2)), 3)
+    made, Phi = problem(np.ones((N, 2)), 3)
     kind = made.predictor.kinds[1]
-    start = suspicion.force(made, kind, "m1", ROWS["m1"] @ Phi, np.zeros(4), 0.3, 1.0)
+    start = hypotheses.force(made, kind, "m1", ROWS["m1"] @ Phi, np.zeros(4), 0.3, 1.0)
     shown = 1.0 - predicted(made, start.hypothesis, start.theta)
     heavier = structure()
     linear = heavier.structure
@@ -321,11 +335,11 @@ def test_mass_at_a_place_is_mass_in_the_model():
 
 
 def test_sensors_faults_act_on_what_is_shown():
-    made, _ = search(np.ones((N, 2)), 2)
+    made, _ = problem(np.ones((N, 2)), 2)
     plain = 1.0 - predicted(made)
 
     def shown(name, size):
-        start = suspicion.sensor(made, CATALOGUE[name][0], 1, "a2", np.zeros(4), size)
+        start = hypotheses.sensor(made, CATALOGUE[name][0], 1, "a2", np.zeros(4), size)
         return 1.0 - predicted(made, start.hypothesis, start.theta)
 
     used = slice(20, -20)
@@ -374,8 +388,8 @@ def test_odd_pulses_are_warned_of():
     clipped, short = np.minimum(pulse(), 40.0), np.zeros((N, 1))
     short[50:53] = [[20.0], [40.0], [20.0]]
     for force, word in ((clipped, "clipped"), (short, "3 samples"), (pulse(), "")):
-        recording = Transient("rec", RNG.standard_normal((N, 2)), force)
-        warnings = prepared([recording], made, modal, np.full(2, np.nan), N, 1, 6).warnings
+        recording = StudyRecording("rec", RNG.standard_normal((N, 2)), force)
+        warnings = conditioned([recording], made, modal, np.full(2, np.nan), N, 1, 6).warnings
         assert (word in warnings[0]) if word else not warnings
 
 
@@ -383,10 +397,10 @@ def test_where_macroslip_begins_nothing_jumps():
     # A short blow and coarse steps: a step ends far off its forecast, at times beyond macroslip.
     force = np.zeros((N, 1))
     force[39:42, 0] = 15.0, 30.0, 15.0
-    made, _ = search(np.ones((N, 2)), 1, force=force, stiffer=20.0)
+    made, _ = problem(np.ones((N, 2)), 1, force=force, stiffer=20.0)
     strengths = np.linspace(-0.3, 0.3, 301)
     lanes = [(made.nothing(), made.still(np.array([F_S, 0, 0, 2.0, 0, 0]))) for F_S in strengths]
-    found = np.stack(glance(made, lanes, math.inf))
+    found = np.stack(residuals_at(made, lanes, math.inf))
     steps = np.sqrt(np.sum(np.diff(found, axis=0) ** 2, axis=(1, 2, 3)))
     assert np.max(steps) < 2.0 * np.median(steps)
 
@@ -397,7 +411,7 @@ def quiet(deviation, before, sensors=2):
     force = np.zeros((N, 1))
     force[before : before + 10] = 1.0
     response[before:] += 50.0 * np.exp(-np.arange(N - before) / 50.0)[:, None]
-    return Transient("rec", response, force)
+    return StudyRecording("rec", response, force)
 
 
 def test_noise_is_that_of_all_recordings():

@@ -4,12 +4,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.effects import ForceKind, Motion, kinds_of
+from iwanjax.discrepancy.effects import ForceKind, PlaceMotion, kinds_of
 from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.histories.likelihood import covariance, left_by_noise
 from iwanjax.discrepancy.histories.ranking import (
-    MIDDLE,
-    Entry,
+    TIME_CONSTANT,
+    RankedFit,
     containing,
     distinct,
     doubted,
@@ -17,7 +17,7 @@ from iwanjax.discrepancy.histories.ranking import (
     missing,
     ranked,
 )
-from iwanjax.discrepancy.histories.selection import Table
+from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import compared
 from iwanjax.signals.comparison_band import OF_NOISE
 
@@ -33,7 +33,7 @@ SEARCH = SimpleNamespace(
 WHITE = np.random.default_rng(5).standard_normal((1, N, 1))
 
 
-def entry(cost: float, *parts: str, cycles: float = MIDDLE) -> Entry:
+def entry(cost: float, *parts: str, time_constant: float = TIME_CONSTANT) -> RankedFit:
     """A fit that leaves so many times the number of samples; parts are kind@where."""
     pairs = [part.split("@") for part in parts]
     hypothesis = SimpleNamespace(
@@ -53,12 +53,12 @@ def entry(cost: float, *parts: str, cycles: float = MIDDLE) -> Entry:
         precision=np.zeros(2),
         parts=np.zeros((2, 2, 2)),
         scores=np.zeros((2, 2)),
-        cycles=cycles,
+        time_constant=time_constant,
     )
-    return Entry(SEARCH, fitted)
+    return RankedFit(SEARCH, fitted)
 
 
-def order(base: Entry, *entries: Entry) -> list[tuple[str, ...]]:
+def order(base: RankedFit, *entries: RankedFit) -> list[tuple[str, ...]]:
     _, found = ranked(base, entries)
     return [tuple(k.name for k in e.fitted.hypothesis.kinds) for e in found]
 
@@ -174,7 +174,7 @@ def test_two_at_once_have_to_explain_more_than_either():
 def test_what_fits_best_goes_on_though_others_are_ahead():
     entries = [entry(1.0 + 0.005 * i, "viscoelastic@a") for i in range(5)]
     fittest = entry(0.97, "iwan_joint@b")
-    early = entry(0.5, "gap_contact@a", cycles=2.0)
+    early = entry(0.5, "gap_contact@a", time_constant=2.0)
     chosen = finalists(entry(3.0), [*entries, fittest, early])
     assert chosen == [*entries[:3], fittest]
     hopeless = entry(20.0, "mass_error@a")
@@ -187,7 +187,7 @@ def test_what_fits_best_goes_on_though_others_are_ahead():
 def test_of_fits_of_a_hypothesis_the_best_with_the_longest_memory_stays():
     gap, mass = "gap_contact@a", "mass_error@b"
     poor, good, other = entry(1.3, gap, mass), entry(1.1, mass, gap), entry(1.2, gap)
-    early = entry(0.9, gap, cycles=2.0)
+    early = entry(0.9, gap, time_constant=2.0)
     assert distinct([poor, good, other, early]) == [good, other]
 
 
@@ -214,7 +214,7 @@ def test_a_joint_that_its_limit_stands_for_is_told():
     alike = (("stiffness_error@a", "iwan_joint@a"),)
     assert containing(spring, [spring, other_place, never_slips]) == alike
     # One that was not fitted as far, or that explains less, is not as good.
-    assert containing(spring, [entry(0.99, "iwan_joint@a", cycles=2.0)]) == ()
+    assert containing(spring, [entry(0.99, "iwan_joint@a", time_constant=2.0)]) == ()
     assert containing(spring, [entry(1.1, "iwan_joint@a")]) == ()
 
 
@@ -230,7 +230,7 @@ def driven(kind: ForceKind, shape: float) -> np.ndarray:
     t = dt * np.arange(1, 400)
     d, v = np.exp(-0.2 * t) * np.sin(3.0 * t), np.gradient(np.exp(-0.2 * t) * np.sin(3.0 * t), dt)
     for here, rate, moved in zip(d, v, np.diff(d, prepend=0.0), strict=True):
-        motion = Motion(*(np.asarray(x) for x in (here, rate, 0.0, moved, dt)))
+        motion = PlaceMotion(*(np.asarray(x) for x in (here, rate, 0.0, moved, dt)))
         now, memory = kind.unit_force(motion, np.asarray(shape), memory)
         force.append(float(now))
     # A gap that never closes has no force at all.
@@ -264,7 +264,7 @@ def held_against(*errors: float):
     base, entries = ranked(base, suspects)
     by = dict(zip([(), *(tuple(e.fitted.hypothesis.where) for e in entries)], errors, strict=True))
     return compared(
-        Table(True, base, tuple(entries), ()),
+        ModelSelection(True, base, tuple(entries), ()),
         lambda e, _: (free(0.01), free(by[tuple(e.fitted.hypothesis.where)])),
     )
 

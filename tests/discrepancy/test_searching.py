@@ -14,24 +14,31 @@ from hypothesis import strategies as st
 
 import iwanjax as ij
 from iwanjax.discrepancy.effects import CATALOGUE, ForceKind, JointKind, Kind
-from iwanjax.discrepancy.histories import selection as competition
+from iwanjax.discrepancy.histories import selection as selection
 from iwanjax.discrepancy.histories.conditioning import _finer
-from iwanjax.discrepancy.histories.hypotheses import Guess, force, with_joint, with_stiction
+from iwanjax.discrepancy.histories.hypotheses import JointStart, force, with_joint, with_stiction
 from iwanjax.discrepancy.histories.joint_faults import without_the_other
 from iwanjax.discrepancy.histories.kernels import Joint
-from iwanjax.discrepancy.histories.levenberg_marquardt import Lane, Layout
-from iwanjax.discrepancy.histories.linearise import Seen, evaluate, glance
-from iwanjax.discrepancy.histories.multistart import SHORT, alike, fit_all
-from iwanjax.discrepancy.histories.nested import with_limits
-from iwanjax.discrepancy.histories.noise import _noise
+from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, Layout
+from iwanjax.discrepancy.histories.linearise import Linearisation, linearise, residuals_at
+from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, alike, multistart
+from iwanjax.discrepancy.histories.nested import with_nested_laws
+from iwanjax.discrepancy.histories.noise import noise_of
 from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import Suspects, predictor
 from iwanjax.discrepancy.histories.probing import pointed_at, probed
-from iwanjax.discrepancy.histories.problem import Hypothesis, Search, Start
-from iwanjax.discrepancy.histories.ranking import MIDDLE, STEPS, Entry, Grounds, screened, settled
-from iwanjax.discrepancy.histories.recordings import Transient
-from iwanjax.discrepancy.histories.selection import Table, concluded
-from iwanjax.discrepancy.histories.time_steps import Resolution, Resolved
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start
+from iwanjax.discrepancy.histories.ranking import (
+    STEPS,
+    TIME_CONSTANT,
+    RankedFit,
+    Scope,
+    settled,
+    tested,
+)
+from iwanjax.discrepancy.histories.recordings import StudyRecording
+from iwanjax.discrepancy.histories.selection import ModelSelection, concluded
+from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.signals.comparison_band import HALF, OF_NOISE, in_band
 
 NOTHING = Hypothesis(
@@ -81,7 +88,7 @@ def linear(seed: int, size: int, curved: float = 0.0):
         e = residual(x)
         D = J + np.einsum("j,ijn->in", x, H + np.swapaxes(H, 0, 1))
         shaped = e[None, :, None], D[None, :, :, None]
-        return Seen(np.array([e @ e]), (D @ e)[None], (D @ D.T)[None], *shaped)
+        return Linearisation(np.array([e @ e]), (D @ e)[None], (D @ D.T)[None], *shaped)
 
     return residual, seen
 
@@ -108,12 +115,12 @@ def test_derivatives_of_what_is_linear_stay_as_they_are(seed, size):
     np.testing.assert_allclose(found.slopes, seen(x).slopes, atol=1e-9)
 
 
-def searched(seed: int, size: int, curved: float, steps: int = 60) -> tuple[Lane, int]:
+def searched(seed: int, size: int, curved: float, steps: int = 60) -> tuple[Descent, int]:
     """A search by itself, and how often it asked for derivatives."""
     residual, seen = linear(seed, size, curved)
     x = np.random.default_rng(seed).standard_normal(size)
     layout = Layout(np.zeros((1, size)), np.eye(size)[None], np.full(size, 1e-3))
-    lane, asked = Lane(NOTHING, layout, 0, 40, x, seen(x)), 1
+    lane, asked = Descent(NOTHING, layout, 0, 40, x, seen(x)), 1
     for _ in range(steps):
         if lane.stale:
             lane.renewed(seen(lane.x))
@@ -170,7 +177,9 @@ NAMES = ("cubic_stiffness", "gap_contact", "stiffness_error", "viscous_damping",
 JOINT = ij.Iwan4(F_S=1e3, K_T=3e4, chi=-0.5, beta=1.5)
 
 
-def resolution(response: np.ndarray, joint: ij.AbstractJoint = JOINT, every: int = 1) -> Resolution:
+def resolution(
+    response: np.ndarray, joint: ij.AbstractJoint = JOINT, every: int = 1
+) -> StepRefinement:
     """A mass on a joint, some kinds that may be missing, and every so many-th sample measured."""
     one = np.ones((1, 1))
     model = ij.JointedStructure(
@@ -182,7 +191,7 @@ def resolution(response: np.ndarray, joint: ij.AbstractJoint = JOINT, every: int
     response, force = response[::every], np.array([[pulse(i / RATE)] for i in range(0, N, every)])
     tight = Joint(joint, jnp.full(len(joint.parameters), 1e-3))
     noise = np.array([1e-3 * np.std(response)])
-    return Resolution(made, (tight,), [Transient("rec", response, force)], noise)
+    return StepRefinement(made, (tight,), [StudyRecording("rec", response, force)], noise)
 
 
 def kinds() -> tuple[Kind, ...]:
@@ -190,35 +199,38 @@ def kinds() -> tuple[Kind, ...]:
     return tuple(kind for name in NAMES for kind in CATALOGUE[name])
 
 
-def searching(response: np.ndarray, joint: ij.AbstractJoint = JOINT) -> tuple[Search, Grounds]:
+def searching(
+    response: np.ndarray, joint: ij.AbstractJoint = JOINT
+) -> tuple[HistoryProblem, Scope]:
     """Of some kinds at the only place there is."""
     now = resolution(response, joint).of_model()
     row = {"J1": np.ones(1) @ np.asarray(now.modal.Phi)}
-    places = places_of(now.search, followed(now.search), row)
-    grounds = Grounds(kinds(), places, ("a1",), ("J1",), lambda: True, lambda line: None)
-    return now.search, grounds
+    places = places_of(now.problem, followed(now.problem), row)
+    scope = Scope(kinds(), places, ("a1",), ("J1",), lambda: True, lambda line: None)
+    return now.problem, scope
 
 
 def test_a_hard_stop_is_found_by_probing():
     response = struck(lambda d: 3e6 * max(d - 3e-4, 0.0))
-    search, grounds = searching(response)
-    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
-    candidates = screened(search, base, grounds)
-    found = probed(search, [], [], candidates, grounds)
-    (before,) = glance(search, [(search.nothing(), search.still(np.zeros(6)))], 8.0)
+    problem, scope = searching(response)
+    base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
+    candidates = tested(problem, base, scope)
+    found = probed(problem, [], [], candidates, scope)
+    (before,) = residuals_at(problem, [(problem.nothing(), problem.still(np.zeros(6)))], 8.0)
     assert found[0].fitted.hypothesis.kinds[0].name == "gap_contact"
     assert found[0].fitted.cost < 0.02 * np.sum(before**2)
 
 
 def test_what_has_come_to_the_same_end_before_is_probed_no_further():
-    search, grounds = searching(struck(lambda d: 8e3 * d))
-    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
-    candidates = screened(search, base, grounds)
-    found = probed(search, [], [], candidates, grounds)
+    problem, scope = searching(struck(lambda d: 8e3 * d))
+    base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
+    candidates = tested(problem, base, scope)
+    found = probed(problem, [], [], candidates, scope)
     shorts = [
-        Entry(search, fit_all(search, [each.fitted.start], SHORT, STEPS)[0]) for each in found[:1]
+        RankedFit(problem, multistart(problem, [each.fitted.start], SHORT_TIME_CONSTANT, STEPS)[0])
+        for each in found[:1]
     ]
-    others = probed(search, shorts, [], candidates, grounds)
+    others = probed(problem, shorts, [], candidates, scope)
     variants = [[e.fitted.hypothesis.variant for e in some] for some in (found, others)]
     assert variants[0][0] not in variants[1]
     assert set(variants[1]) <= set(variants[0])
@@ -236,55 +248,63 @@ def test_where_a_short_memory_points_is_probed_beside_where_a_longer_one_does():
 
 
 def test_a_joint_goes_on_alone_from_where_it_is_beside_another():
-    search, grounds = searching(struck(lambda d: 8e3 * d))
-    (place,), kind = grounds.places, CATALOGUE["iwan_joint"][0]
+    problem, scope = searching(struck(lambda d: 8e3 * d))
+    (place,), kind = scope.places, CATALOGUE["iwan_joint"][0]
     row, z = np.asarray(place.row), np.zeros(4)
-    spring = force(search, CATALOGUE["stiffness_error"][0], "J1", row, z, 1.0, 1.0)
-    guess = Guess(8e3, 1.0, z)
-    own, starts = with_joint(search, kind, place, [guess], spring)
-    pair = Entry(own, fit_all(own, starts, SHORT, 2)[0])
+    spring = force(problem, CATALOGUE["stiffness_error"][0], "J1", row, z, 1.0, 1.0)
+    guess = JointStart(8e3, 1.0, z)
+    own, starts = with_joint(problem, kind, place, [guess], spring)
+    pair = RankedFit(own, multistart(own, starts, SHORT_TIME_CONSTANT, 2)[0])
     assert pair.fitted.hypothesis.label == "iwan_joint@J1 + stiffness_error@J1"
-    (alone,) = without_the_other([pair], grounds)
+    (alone,) = without_the_other([pair], scope)
     assert alone.fitted.hypothesis.label == "iwan_joint@J1"
-    assert alone.search is own
+    assert alone.problem is own
     assert alone.fitted.cost < 1.02 * pair.fitted.cost
 
 
 def test_a_size_that_no_run_survives_is_begun_with_smaller():
-    search, grounds = searching(struck(lambda d: 8e3 * d))
-    nominal = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
-    row, z = np.asarray(grounds.places[0].row), np.zeros(4)
+    problem, scope = searching(struck(lambda d: 8e3 * d))
+    nominal = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[
+        0
+    ]
+    row, z = np.asarray(scope.places[0].row), np.zeros(4)
 
     def spring(size: float) -> Start:
-        return force(search, CATALOGUE["stiffness_error"][0], "J1", row, z, size, 1.0)
+        return force(problem, CATALOGUE["stiffness_error"][0], "J1", row, z, size, 1.0)
 
     def cost(start: Start) -> float:
-        (seen,) = glance(search, [(start.hypothesis, search.still(start.theta))], SHORT)
+        (seen,) = residuals_at(
+            problem, [(start.hypothesis, problem.still(start.theta))], SHORT_TIME_CONSTANT
+        )
         return float(np.sum(seen**2))
 
     edge = next(k for k in 8e3 * 2.0 ** np.arange(40) if cost(spring(k)) > 100.0 * nominal.cost)
     for size, share in ((8e3, 1.0), (2.0 * edge, 0.1), (20.0 * edge, 0.01)):
-        (begun,) = competition._begun(search, nominal, [[spring(size)]])
+        (begun,) = selection._begun(problem, nominal, [[spring(size)]])
         assert begun.theta[4] == pytest.approx(share)
     # The best of a hypothesis's own starts; none where none is survived.
     good, far, lost = spring(8e3), spring(2.0 * edge), spring(1e3 * edge)
-    (begun,) = competition._begun(search, nominal, [[far, good], [lost]])
+    (begun,) = selection._begun(problem, nominal, [[far, good], [lost]])
     assert begun.theta[4] == good.theta[4]
     assert begun.hypothesis is good.hypothesis
 
 
 def test_a_joint_that_does_not_stick_beside_a_force_changes_nothing():
     joint = ij.Iwan4(F_S=12.0, K_T=3e4, chi=-0.5, beta=1.5)
-    tight, grounds = searching(struck(lambda d: 8e3 * d), joint)
-    search = replace(tight, joints=(Joint(joint, jnp.ones(4)),))
-    row, z = np.asarray(grounds.places[0].row), np.array([0.3, -0.2, 0.1, 0.0])
-    spring = force(search, CATALOGUE["stiffness_error"][0], "J1", row, z, 8e3, 1.0)
+    tight, scope = searching(struck(lambda d: 8e3 * d), joint)
+    problem = replace(tight, joints=(Joint(joint, jnp.ones(4)),))
+    row, z = np.asarray(scope.places[0].row), np.array([0.3, -0.2, 0.1, 0.0])
+    spring = force(problem, CATALOGUE["stiffness_error"][0], "J1", row, z, 8e3, 1.0)
     sticking = CATALOGUE["stiction"][0]
-    own, (free, stuck) = with_stiction(search, sticking, 0, "J1", (0.9999, 0.6), z, spring)
+    own, (free, stuck) = with_stiction(problem, sticking, 0, "J1", (0.9999, 0.6), z, spring)
     assert free.hypothesis.label == "stiction@J1 + stiffness_error@J1"
-    (alone,) = glance(search, [(spring.hypothesis, search.still(spring.theta))], SHORT)
-    none, some = glance(own, [(s.hypothesis, own.still(s.theta)) for s in (free, stuck)], SHORT)
-    whole = np.linalg.norm(np.asarray(search.data.weight * search.data.response))
+    (alone,) = residuals_at(
+        problem, [(spring.hypothesis, problem.still(spring.theta))], SHORT_TIME_CONSTANT
+    )
+    none, some = residuals_at(
+        own, [(s.hypothesis, own.still(s.theta)) for s in (free, stuck)], SHORT_TIME_CONSTANT
+    )
+    whole = np.linalg.norm(np.asarray(problem.data.weight * problem.data.response))
     off, much = (np.linalg.norm(x - alone) / whole for x in (none, some))
     # Sliders stand for the closed form of a joint that does not stick.
     assert off < 0.02
@@ -292,12 +312,15 @@ def test_a_joint_that_does_not_stick_beside_a_force_changes_nothing():
 
 
 def test_a_spring_is_found_behind_what_has_it_for_a_limit():
-    search, grounds = searching(struck(lambda d: 8e3 * d))
-    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
-    candidates = screened(search, base, grounds)
+    problem, scope = searching(struck(lambda d: 8e3 * d))
+    base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
+    candidates = tested(problem, base, scope)
     whole = next(c for c in candidates if c.start.hypothesis.kinds[0].name == "viscoelastic")
-    entries = [Entry(search, each) for each in fit_all(search, [whole.start], MIDDLE, STEPS)]
-    found = with_limits(search, entries, grounds)
+    entries = [
+        RankedFit(problem, each)
+        for each in multistart(problem, [whole.start], TIME_CONSTANT, STEPS)
+    ]
+    found = with_nested_laws(problem, entries, scope)
     spring = next(e for e in found if e.fitted.hypothesis.kinds[0].name == "stiffness_error")
     assert spring.fitted.cost < 1.05 * found[0].fitted.cost
     assert {e.fitted.hypothesis.label for e in found} <= {
@@ -308,34 +331,34 @@ def test_a_spring_is_found_behind_what_has_it_for_a_limit():
 def test_a_limit_is_looked_for_beside_another_suspect():
     response = struck(lambda d: 8e3 * d)
     limit = 0.7 * np.max(np.abs(response))
-    search, grounds = searching(np.clip(response, -limit, limit))
-    grounds = replace(grounds, kinds=(*grounds.kinds, *CATALOGUE["sensor_saturation"]))
-    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
+    problem, scope = searching(np.clip(response, -limit, limit))
+    scope = replace(scope, kinds=(*scope.kinds, *CATALOGUE["sensor_saturation"]))
+    base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
     spring = next(
         c.start
-        for c in screened(search, base, grounds)
+        for c in tested(problem, base, scope)
         if c.start.hypothesis.kinds[0].name == "stiffness_error"
     )
-    first = fit_all(search, [spring], SHORT, STEPS)[0]
-    found = screened(search, first, grounds)[0].start.hypothesis
+    first = multistart(problem, [spring], SHORT_TIME_CONSTANT, STEPS)[0]
+    found = tested(problem, first, scope)[0].start.hypothesis
     assert found.label == "stiffness_error@J1 + sensor_saturation@a1"
 
 
 def test_derivatives_come_in_parts_and_are_those_of_the_residuals():
     """An odd number of values, by differences; the observer's gain changes with them too."""
-    search, grounds = searching(struck(lambda d: 8e3 * d), ij.LinearSpring(k=3e4))
-    base = fit_all(search, [Start(search.nothing(), np.zeros(3))], SHORT, 0)[0]
+    problem, scope = searching(struck(lambda d: 8e3 * d), ij.LinearSpring(k=3e4))
+    base = multistart(problem, [Start(problem.nothing(), np.zeros(3))], SHORT_TIME_CONSTANT, 0)[0]
     start = next(
         c.start
-        for c in screened(search, base, grounds)
+        for c in tested(problem, base, scope)
         if c.start.hypothesis.kinds[0].name == "stiffness_error"
     )
-    hypothesis, theta = start.hypothesis, search.still(start.theta)
+    hypothesis, theta = start.hypothesis, problem.still(start.theta)
     assert theta.shape[1] % 2 == 1
-    (seen,) = evaluate(search, [(hypothesis, theta)], MIDDLE)
+    (seen,) = linearise(problem, [(hypothesis, theta)], TIME_CONSTANT)
     step = 1e-3
     beside = [(hypothesis, theta + sign * step * way) for way in np.eye(9) for sign in (1.0, -1.0)]
-    found = glance(search, beside, MIDDLE)
+    found = residuals_at(problem, beside, TIME_CONSTANT)
     slopes = np.stack(
         [(up - down) / (2.0 * step) for up, down in zip(found[::2], found[1::2], strict=True)]
     )
@@ -348,12 +371,12 @@ def test_derivatives_come_in_parts_and_are_those_of_the_residuals():
 
 
 def test_only_the_best_go_on():
-    search, grounds = searching(struck(lambda d: 8e3 * d))
-    base = fit_all(search, [Start(search.nothing(), np.zeros(6))], SHORT, 0)[0]
-    starts = [c.start for c in screened(search, base, grounds)[:3]]
-    whole = fit_all(search, starts, SHORT, STEPS)
-    early = fit_all(search, starts, SHORT, 3)
-    found = fit_all(search, starts, SHORT, STEPS, at_most=1)
+    problem, scope = searching(struck(lambda d: 8e3 * d))
+    base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
+    starts = [c.start for c in tested(problem, base, scope)[:3]]
+    whole = multistart(problem, starts, SHORT_TIME_CONSTANT, STEPS)
+    early = multistart(problem, starts, SHORT_TIME_CONSTANT, 3)
+    found = multistart(problem, starts, SHORT_TIME_CONSTANT, STEPS, at_most=1)
     leader = int(np.argmin([each.cost for each in early]))
     for i, each in enumerate(found):
         same = whole if i == leader else early
@@ -368,13 +391,13 @@ def test_ends_that_agree_are_taken_for_all_but_not_where_nothing_explains_the_re
     """In a chain of three with a soft second spring two of three starts end where the first do."""
     asked = []
 
-    def ends(search, starts, *_, **__):
+    def ends(problem, starts, *_, **__):
         asked.extend(starts)
         return [SimpleNamespace(cost=1.0 if start == 5 else 12.7) for start in starts]
 
-    monkeypatch.setattr(competition, "fit_all", ends)
-    grounds = SimpleNamespace(in_time=lambda: True)
-    fits = competition._scattered(None, range(8), math.inf, grounds, everywhere)  # type: ignore[arg-type]
+    monkeypatch.setattr(selection, "multistart", ends)
+    scope = SimpleNamespace(in_time=lambda: True)
+    fits = selection._scattered(None, range(8), math.inf, scope, everywhere)  # type: ignore[arg-type]
     assert fits[0].cost == least
     assert len(asked) == tried
 
@@ -386,19 +409,24 @@ def test_a_fault_of_a_joint_that_leaves_something_is_tried_from_other_joints(
     monkeypatch, left, of_a_joint, lost
 ):
     """By its own search: it has other joints, and more values, than the one for all others."""
-    tight, grounds = searching(struck(lambda d: 8e3 * d))
+    tight, scope = searching(struck(lambda d: 8e3 * d))
     own, starts = with_stiction(tight, CATALOGUE["stiction"][0], 0, "J1", (0.7,), np.zeros(4))
-    noise = competition.left_by_noise(tight)
-    nominal = SimpleNamespace(hypothesis=tight.nothing(), cost=9.0 * noise, cycles=MIDDLE)
-    suspect = SimpleNamespace(
-        hypothesis=starts[0].hypothesis, cost=left * noise, start=starts[0], cycles=MIDDLE
+    noise = selection.left_by_noise(tight)
+    nominal = SimpleNamespace(
+        hypothesis=tight.nothing(), cost=9.0 * noise, time_constant=TIME_CONSTANT
     )
-    entry = Entry(own if of_a_joint else tight, suspect)
-    assert competition._lost(tight, nominal, [entry]) == lost
+    suspect = SimpleNamespace(
+        hypothesis=starts[0].hypothesis,
+        cost=left * noise,
+        start=starts[0],
+        time_constant=TIME_CONSTANT,
+    )
+    entry = RankedFit(own if of_a_joint else tight, suspect)
+    assert selection._lost(tight, nominal, [entry]) == lost
     asked = []
 
-    def ends(search, starts, *_, **__):
-        asked.append((search, {start.theta.shape for start in starts}))
+    def ends(problem, starts, *_, **__):
+        asked.append((problem, {start.theta.shape for start in starts}))
         return [
             SimpleNamespace(
                 hypothesis=start.hypothesis, cost=noise, residual=np.ones(1), start=start
@@ -406,24 +434,24 @@ def test_a_fault_of_a_joint_that_leaves_something_is_tried_from_other_joints(
             for start in starts
         ]
 
-    monkeypatch.setattr(competition, "fit_all", ends)
+    monkeypatch.setattr(selection, "multistart", ends)
     if lost:
-        (found,) = competition._restarted(tight, nominal, [entry], grounds, 0, everywhere=True)
-        assert found.search is own
+        (found,) = selection._restarted(tight, nominal, [entry], scope, 0, everywhere=True)
+        assert found.problem is own
         assert found.fitted.cost == noise
-        assert all(search is own and shapes == {(7,)} for search, shapes in asked)
+        assert all(problem is own and shapes == {(7,)} for problem, shapes in asked)
 
 
 def test_searches_that_have_come_to_the_same_go_on_as_one():
-    search, grounds = searching(struck(lambda d: 8e3 * d))
-    (place,), (spring,) = grounds.places, CATALOGUE["stiffness_error"]
+    problem, scope = searching(struck(lambda d: 8e3 * d))
+    (place,), (spring,) = scope.places, CATALOGUE["stiffness_error"]
     assert isinstance(spring, ForceKind)
 
     def start(size: float) -> Start:
-        return force(search, spring, place.label, place.row, np.zeros(4), size, shape=1.0)
+        return force(problem, spring, place.label, place.row, np.zeros(4), size, shape=1.0)
 
-    nothing = Start(search.nothing(), np.zeros(6))
-    found = fit_all(search, [start(7e3), start(9e3), nothing], SHORT, STEPS)
+    nothing = Start(problem.nothing(), np.zeros(6))
+    found = multistart(problem, [start(7e3), start(9e3), nothing], SHORT_TIME_CONSTANT, STEPS)
     assert sorted(each.converged for each in found[:2]) == [False, True]
     assert alike(found[0].residual, found[1].residual)
     assert found[2].converged
@@ -431,17 +459,17 @@ def test_searches_that_have_come_to_the_same_go_on_as_one():
 
 
 def test_a_search_that_was_cut_short_is_taken_to_its_end():
-    search, grounds = searching(struck(lambda d: 8e3 * d))
-    (place,), (spring,) = grounds.places, CATALOGUE["stiffness_error"]
+    problem, scope = searching(struck(lambda d: 8e3 * d))
+    (place,), (spring,) = scope.places, CATALOGUE["stiffness_error"]
     assert isinstance(spring, ForceKind)
-    start = force(search, spring, place.label, place.row, np.zeros(4), 1e3, shape=1.0)
-    begun = fit_all(search, [start], MIDDLE, 1)[0]
+    start = force(problem, spring, place.label, place.row, np.zeros(4), 1e3, shape=1.0)
+    begun = multistart(problem, [start], TIME_CONSTANT, 1)[0]
     assert not begun.converged
-    ended = settled(search, begun, grounds)
+    ended = settled(problem, begun, scope)
     assert ended.converged
     assert ended.cost < 0.5 * begun.cost
-    assert settled(search, ended, grounds) is ended
-    assert settled(search, begun, replace(grounds, in_time=lambda: False)) is begun
+    assert settled(problem, ended, scope) is ended
+    assert settled(problem, begun, replace(scope, in_time=lambda: False)) is begun
 
 
 def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
@@ -453,13 +481,15 @@ def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
     assert isinstance(stop, ForceKind)
     assert stop.variant == "where d > 0"
 
-    def ending(at: Resolved, stiffness: float) -> Entry:
-        size = (at.search, stop, place.label, place.row, np.zeros(4), stiffness)
-        return Entry(at.search, fit_all(at.search, [force(*size, shape=3e-4)], MIDDLE, 0)[0])
+    def ending(at: Refined, stiffness: float) -> RankedFit:
+        size = (at.problem, stop, place.label, place.row, np.zeros(4), stiffness)
+        return RankedFit(
+            at.problem, multistart(at.problem, [force(*size, shape=3e-4)], TIME_CONSTANT, 0)[0]
+        )
 
     stiff = ending(now, 3e6)
     finer = taken.of_fit(now, stiff)
-    assert finer.search.predictor.substeps > now.search.predictor.substeps
+    assert finer.problem.predictor.substeps > now.problem.predictor.substeps
     assert ending(finer, 3e6).fitted.cost < 0.5 * stiff.fitted.cost
     assert taken.of_fit(now, ending(now, 3e3)) is now
     assert taken.of_fit(finer, ending(finer, 3e6)) is finer
@@ -467,7 +497,7 @@ def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
 
 def test_noise_is_told_of_as_few_samples_as_may_be_diagnosed():
     waves = 0.3 * np.random.default_rng(0).standard_normal((200, 36, 1))
-    found = [float(_noise(wave, 0)[0]) for wave in waves]
+    found = [float(noise_of(wave, 0)[0]) for wave in waves]
     assert np.median(found) == pytest.approx(0.3, rel=0.1)
 
 
@@ -476,38 +506,44 @@ def test_a_fast_mode_wants_finer_steps_for_its_free_run_only():
     # So seldom measured that the mode turns by more than a radian from sample to sample.
     taken = resolution(response, replace(JOINT, F_S=6e4), every=6)
     now = taken.of_model()
-    nothing = Start(now.search.nothing(), np.zeros(6))
-    given = Entry(now.search, fit_all(now.search, [nothing], MIDDLE, 0)[0])
+    nothing = Start(now.problem.nothing(), np.zeros(6))
+    given = RankedFit(now.problem, multistart(now.problem, [nothing], TIME_CONSTANT, 0)[0])
     finer = taken.of_free_run(now, given)
-    assert now.search.predictor.substeps == 2 < finer.search.predictor.substeps
+    assert now.problem.predictor.substeps == 2 < finer.problem.predictor.substeps
     slow = resolution(response)
     now = slow.of_model()
-    assert slow.of_free_run(now, replace(given, search=now.search)) is now
+    assert slow.of_free_run(now, replace(given, problem=now.problem)) is now
 
 
 def test_a_joint_left_out_takes_finer_steps_with_it():
     response = struck(lambda d: 8e3 * d)
-    taken, (search, grounds) = resolution(response), searching(response)
-    finer = taken._at(4).search
-    (place,), (kind,) = grounds.places, CATALOGUE["iwan_joint"]
+    taken, (problem, scope) = resolution(response), searching(response)
+    finer = taken._at(4).problem
+    (place,), (kind,) = scope.places, CATALOGUE["iwan_joint"]
     assert isinstance(kind, JointKind)
-    guess = [Guess(8e3, 1e-3, np.zeros(4))]
-    own, (start,) = with_joint(search, kind, place, guess)
+    guess = [JointStart(8e3, 1e-3, np.zeros(4))]
+    own, (start,) = with_joint(problem, kind, place, guess)
     there, _ = with_joint(finer, kind, place, guess)
     moved = own.with_steps_of(finer)
     at = [(start.hypothesis, own.still(start.theta))]
-    np.testing.assert_array_equal(glance(moved, at, SHORT)[0], glance(there, at, SHORT)[0])
-    assert np.any(glance(own, at, SHORT)[0] != glance(there, at, SHORT)[0])
+    np.testing.assert_array_equal(
+        residuals_at(moved, at, SHORT_TIME_CONSTANT)[0],
+        residuals_at(there, at, SHORT_TIME_CONSTANT)[0],
+    )
+    assert np.any(
+        residuals_at(own, at, SHORT_TIME_CONSTANT)[0]
+        != residuals_at(there, at, SHORT_TIME_CONSTANT)[0]
+    )
     # The nominal model gives its search up to the finer one, the joint's becomes its like.
-    nominal = fit_all(search, [Start(search.nothing(), np.zeros(6))], MIDDLE, 1)[0]
-    more = fit_all(own, [start], MIDDLE, 1)[0]
-    table = Table(True, Entry(search, nominal, -1e3), (Entry(own, more),), ())
-    ended = concluded(table, finer, grounds)
-    assert ended.nominal.search is finer
+    nominal = multistart(problem, [Start(problem.nothing(), np.zeros(6))], TIME_CONSTANT, 1)[0]
+    more = multistart(own, [start], TIME_CONSTANT, 1)[0]
+    table = ModelSelection(True, RankedFit(problem, nominal, -1e3), (RankedFit(own, more),), ())
+    ended = concluded(table, finer, scope)
+    assert ended.nominal.problem is finer
     (entry,) = ended.entries
-    assert entry.search.predictor.substeps == 4
-    assert len(entry.search.joints) == 2
-    assert entry.fitted.cycles == math.inf
+    assert entry.problem.predictor.substeps == 4
+    assert len(entry.problem.joints) == 2
+    assert entry.fitted.time_constant == math.inf
 
 
 def test_a_verdict_on_a_stiff_suspect_is_polished_with_finer_steps():
@@ -516,22 +552,22 @@ def test_a_verdict_on_a_stiff_suspect_is_polished_with_finer_steps():
     response = struck(lambda d: 1e13 * d**3)
     taken = resolution(response, stuck)
     now = taken.of_model()
-    _, grounds = searching(response, stuck)
-    (place,), (cubic,) = grounds.places, CATALOGUE["cubic_stiffness"]
+    _, scope = searching(response, stuck)
+    (place,), (cubic,) = scope.places, CATALOGUE["cubic_stiffness"]
     assert isinstance(cubic, ForceKind)
-    stiff = force(now.search, cubic, place.label, place.row, np.zeros(4), 1e13, shape=1.0)
+    stiff = force(now.problem, cubic, place.label, place.row, np.zeros(4), 1e13, shape=1.0)
 
-    def ended(start: Start) -> Entry:
-        for cycles in (MIDDLE, math.inf):
-            (fitted,) = fit_all(now.search, [start], cycles, STEPS)
+    def ended(start: Start) -> RankedFit:
+        for time_constant in (TIME_CONSTANT, math.inf):
+            (fitted,) = multistart(now.problem, [start], time_constant, STEPS)
             start = fitted.start
-        return Entry(now.search, fitted)
+        return RankedFit(now.problem, fitted)
 
-    found, nominal = ended(stiff), ended(Start(now.search.nothing(), np.zeros(6)))
-    finer = taken.of_fit(now, found).search
-    assert finer is not now.search
-    table = concluded(Table(True, nominal, (found,), ()), finer, grounds)
+    found, nominal = ended(stiff), ended(Start(now.problem.nothing(), np.zeros(6)))
+    finer = taken.of_fit(now, found).problem
+    assert finer is not now.problem
+    table = concluded(ModelSelection(True, nominal, (found,), ()), finer, scope)
     assert table.detected
-    assert table.best.search is table.nominal.search is finer
-    assert table.best.fitted.cycles == math.inf
+    assert table.best.problem is table.nominal.problem is finer
+    assert table.best.fitted.time_constant == math.inf
     assert table.best.fitted.cost < 0.1 * found.fitted.cost

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 import iwanjax as ij
 from iwanjax.discrepancy.effects import CATALOGUE
-from iwanjax.discrepancy.histories.conditioning import prepared
+from iwanjax.discrepancy.histories.conditioning import conditioned
 from iwanjax.discrepancy.histories.kernels import Joint, joints_at
 from iwanjax.discrepancy.histories.macroslip import _beyond, alternatives, in_the_middle
-from iwanjax.discrepancy.histories.multistart import fit_all
+from iwanjax.discrepancy.histories.multistart import multistart
 from iwanjax.discrepancy.histories.predictor import predictor
-from iwanjax.discrepancy.histories.problem import Search, Start
-from iwanjax.discrepancy.histories.recordings import Transient
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
+from iwanjax.discrepancy.histories.recordings import StudyRecording
 
 RATE, N = 1024.0, 700
 TRUE = ij.Iwan4(F_S=20.0, K_T=3e4, chi=-0.5, beta=1.5)
@@ -77,29 +77,29 @@ def fitted(peak: float, F_S: float):
         CATALOGUE["cubic_stiffness"],
         2,
     )
-    recording = Transient("rec", response, force[::16, None])
-    seen = prepared([recording], made, modal, noise, N, 1, 6)
-    search = Search(made, (Joint(given, jnp.ones(4)),), seen.data, noise, (0,))
-    start = Start(search.nothing(), np.zeros(6))
-    short = fit_all(search, [start], 8.0, 20)[0]
-    return search, fit_all(search, [short.start], math.inf, 20)[0]
+    recording = StudyRecording("rec", response, force[::16, None])
+    seen = conditioned([recording], made, modal, noise, N, 1, 6)
+    problem = HistoryProblem(made, (Joint(given, jnp.ones(4)),), seen.data, noise, (0,))
+    start = Start(problem.nothing(), np.zeros(6))
+    short = multistart(problem, [start], 8.0, 20)[0]
+    return problem, multistart(problem, [short.start], math.inf, 20)[0]
 
 
 def test_macroslip_is_open_where_it_was_never_reached():
-    search, fit = fitted(15.0, 12.0)
-    joint = iwan(search.joints, fit.theta[0, :4])
-    found = alternatives(search, fit)
+    problem, fit = fitted(15.0, 12.0)
+    joint = iwan(problem.joints, fit.theta[0, :4])
+    found = alternatives(problem, fit)
     assert sum(each.weight for each in found if each.farther > 0) > 0.3
-    middle = in_the_middle(search, fit)
-    moved = iwan(search.joints, middle.theta[0, :4])
+    middle = in_the_middle(problem, fit)
+    moved = iwan(problem.joints, middle.theta[0, :4])
     assert float(moved.phi_max) >= float(joint.phi_max)
     assert float(moved.R) == pytest.approx(float(joint.R), rel=1e-9)
     # Where it is makes no difference to what was recorded: less than noise does.
     assert abs(middle.misfit.sum() - fit.misfit.sum()) < 30.0
-    assert np.count_nonzero(np.asarray(search.data.weight)) > 500
+    assert np.count_nonzero(np.asarray(problem.data.weight)) > 500
 
 
 def test_macroslip_is_known_where_it_was_reached():
-    search, fit = fitted(200.0, 16.0)
-    assert sum(each.weight for each in alternatives(search, fit)) < 1e-3
-    assert in_the_middle(search, fit) is fit
+    problem, fit = fitted(200.0, 16.0)
+    assert sum(each.weight for each in alternatives(problem, fit)) < 1e-3
+    assert in_the_middle(problem, fit) is fit

@@ -28,7 +28,7 @@ def transient(samples=301, joints=("J1",), sensors=3):
     d = np.stack([(j + 1) * x for j in range(len(joints))], axis=1)
     decay = 1.0 - np.exp(-0.6 * t)
     energy = ij.Energies(1.0 - decay, 0 * t, 0 * t, 1.0 + 0 * t, 0.25 * decay, 0.75 * decay, decay)
-    return ij.Transient(
+    return ij.SimulatedResponse(
         time=t,
         displacement=np.stack([(i + 1) * x for i in range(sensors)], axis=1),
         velocity=np.stack([-(i + 1) * x for i in range(sensors)], axis=1),
@@ -166,7 +166,7 @@ def test_what_follows_a_lost_balance_is_not_drawn(short):
 
 
 REFUSED = {
-    "something else": (lambda short: (short.time,), {}, "expects a Transient, got"),
+    "something else": (lambda short: (short.time,), {}, "expects a SimulatedResponse, got"),
     "a batch": (
         lambda short: (replace(short, balanced=np.array([True, True])),),
         {},

@@ -10,7 +10,16 @@ from matplotlib.figure import Figure
 
 import iwanjax as ij
 from iwanjax.quasistatic.modal import ModalOscillator
-from iwanjax.report import Callout, FitEntry, HeldOut, Named, Section, Table, fit_report, render
+from iwanjax.report import (
+    Callout,
+    FitEntry,
+    HeldOut,
+    NamedParagraph,
+    PageSection,
+    PageTable,
+    fit_report,
+    render,
+)
 from iwanjax.report.page import png
 from iwanjax.report.words import (
     cautions,
@@ -172,13 +181,17 @@ def test_a_page_is_contained_and_escaped():
     figure.subplots().plot([1, 2])
     text = render(
         "A < B & C",
-        ["x < y", Callout("rests on <it>", "bound"), Named("mode & 1", "found")],
+        ["x < y", Callout("rests on <it>", "bound"), NamedParagraph("mode & 1", "found")],
         [
-            Section(
+            PageSection(
                 "Part <1>",
                 ("a & b", Callout("look out")),
                 (("a figure", figure), ('its "copy"', png(figure))),
-                (Table(("Name <n>", "Value"), (("k", "1.0"), ("<c>", "2.0")), "Numbers & all"),),
+                (
+                    PageTable(
+                        ("Name <n>", "Value"), (("k", "1.0"), ("<c>", "2.0")), "Numbers & all"
+                    ),
+                ),
             )
         ],
         "the end <now>",
@@ -205,12 +218,12 @@ def test_a_page_suits_screen_print_and_both_schemes():
 
 def test_a_figure_that_is_none_is_refused():
     with pytest.raises(ij.InputError, match="'photo': is neither a Figure nor a PNG"):
-        render("t", [], [Section("s", figures=(("photo", b"\xff\xd8\xff"),))])
+        render("t", [], [PageSection("s", figures=(("photo", b"\xff\xd8\xff"),))])
 
 
 def test_a_row_of_the_wrong_length_is_refused():
     with pytest.raises(ij.InputError, match="'sizes': row 1 has 3 cells; expected 2"):
-        Table(("a", "b"), (("1", "2"), ("1", "2", "3")), "sizes")
+        PageTable(("a", "b"), (("1", "2"), ("1", "2", "3")), "sizes")
 
 
 @pytest.mark.parametrize(
@@ -402,7 +415,7 @@ def test_what_must_not_be_overlooked_is_called_out(solution, monkeypatch):
     names = [a for a in page.text.split() if a in ("a.", "b.")]
     assert names == ["a.", "b."]
 
-    monkeypatch.setattr("iwanjax.report.fit._posterior", lambda posterior: Table(("n",), ()))
+    monkeypatch.setattr("iwanjax.report.fit._posterior", lambda posterior: PageTable(("n",), ()))
     page = Page(fit_report("r", [FitEntry("a", solution, posterior=shifted)]))
     assert "not long enough: it got to 12 of 300" in page.text
     assert "outside the central 99 % of its posterior: F_S = " in page.text

@@ -10,24 +10,24 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.discrepancy.effects import ForceKind, Kind, SensorKind
-from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.histories import hypotheses as hypotheses
 from iwanjax.discrepancy.histories.innovations import LONGEST_DELAY, change_by_delay
 from iwanjax.discrepancy.histories.kernels import Joint, Small, responses, unit_forces
 from iwanjax.discrepancy.histories.linearise import innovations
-from iwanjax.discrepancy.histories.multistart import Fitted
+from iwanjax.discrepancy.histories.multistart import HypothesisFit
 from iwanjax.discrepancy.histories.observer import stepped
 from iwanjax.discrepancy.histories.places import Place
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects
-from iwanjax.discrepancy.histories.problem import Search, Start
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.signals.comparison_band import passed
 
 # Suspects that a kernel takes at once, and kernels that run at once.
-_LANES, _THREADS = 16, 2
+_AT_ONCE, _THREADS = 16, 2
 # What small errors of a sensor are: of its gain, or of its time.
 _SMALL = ("gain", "delay")
 
 
-class Unit(NamedTuple):
+class UnitEffect(NamedTuple):
     """A suspect of one shape before it is tried.
 
     Attributes
@@ -52,7 +52,9 @@ class Unit(NamedTuple):
     fault: np.ndarray
 
 
-def columns(search: Search, base: Fitted, lanes: Sequence[Unit]) -> np.ndarray:
+def columns(
+    problem: HistoryProblem, base: HypothesisFit, effects: Sequence[UnitEffect]
+) -> np.ndarray:
     """Changes of the residuals for suspects of size 1, linearised at zero.
 
     The model is linearised once, about what it predicts with the joints as fitted: a force is
@@ -60,73 +62,73 @@ def columns(search: Search, base: Fitted, lanes: Sequence[Unit]) -> np.ndarray:
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         Predictor and data.
-    base : Fitted
+    base : HypothesisFit
         The model with its joints refitted, and the suspects found so far.
-    lanes : sequence of Unit
+    effects : sequence of UnitEffect
         What is suspected.
 
     Returns
     -------
-    (lanes, recordings, N, sensors) array
+    (effects, recordings, N, sensors) array
     """
-    fixed, at = _about(search, base)
-    shown = jax.device_put(_shown(search, base))
+    fixed, at = _about(problem, base)
+    shown = jax.device_put(_shown(problem, base))
 
     def run(first: int) -> np.ndarray:
-        own = lanes[first : first + _LANES]
-        padded = [*own, *[own[-1]] * (_LANES - len(own))]
-        arrays = zip(*((lane.row, lane.force, lane.fault) for lane in padded), strict=True)
+        own = effects[first : first + _AT_ONCE]
+        padded = [*own, *[own[-1]] * (_AT_ONCE - len(own))]
+        arrays = zip(*((unit.row, unit.force, unit.fault) for unit in padded), strict=True)
         row, force, fault = jax.device_put(tuple(map(np.stack, arrays)))
         (found,) = responses(*fixed, Small(row, force, fault, shown), *at)
         return np.asarray(found)[: len(own)]
 
-    if not lanes:
-        return np.zeros((0, *search.data.response.shape))
+    if not effects:
+        return np.zeros((0, *problem.data.response.shape))
     # The first alone, for two would both compile the kernel.
     first = run(0)
     with ThreadPoolExecutor(_THREADS) as pool:
-        return np.concatenate([first, *pool.map(run, range(_LANES, len(lanes), _LANES))])
+        return np.concatenate([first, *pool.map(run, range(_AT_ONCE, len(effects), _AT_ONCE))])
 
 
 def _about(
-    search: Search, base: Fitted
+    problem: HistoryProblem, base: HypothesisFit
 ) -> tuple[tuple[Predictor, tuple[Joint, ...], Suspects], tuple[Array, Array, Data]]:
     """What kernels that linearise about a fit take before and after what they are about."""
     suspects, mean = base.hypothesis.suspects, base.theta.mean(axis=0)[: base.values]
-    gain = search.gains([suspects], mean[None], base.cycles, slopes=False).gain[0]
-    at = (*jax.device_put((base.theta, gain)), search.data)
-    return (search.predictor, search.joints, suspects), at
+    gain = problem.gains([suspects], mean[None], base.time_constant, slopes=False).gain[0]
+    at = (*jax.device_put((base.theta, gain)), problem.data)
+    return (problem.predictor, problem.joints, suspects), at
 
 
-def units(
-    search: Search, base: Fitted, kinds: Sequence[Kind], places: Sequence[Place]
-) -> list[Unit]:
+def unit_effects(
+    problem: HistoryProblem, base: HypothesisFit, kinds: Sequence[Kind], places: Sequence[Place]
+) -> list[UnitEffect]:
     """Forces of size 1 of all kinds at all places, of the shapes on the catalogue's small grids."""
     if not places:
         return []
-    fixed, at = _about(search, base)
-    z = base.theta.mean(axis=0)[: search.parameters]
-    grids = [_grid(kind, places) if kind in kinds else [] for kind in search.predictor.kinds]
+    fixed, at = _about(problem, base)
+    z = base.theta.mean(axis=0)[: problem.parameters]
+    grids = [_grid(kind, places) if kind in kinds else [] for kind in problem.predictor.kinds]
     widest = [max(map(len, grid), default=0) for grid in grids]
     padded = tuple(
         np.array([[*row, *[row[-1]] * (w - len(row))] for row in grid]).reshape(len(places), w)
         for grid, w in zip(grids, widest, strict=True)
     )
     rows = np.stack([place.row for place in places])
-    blank = np.zeros((len(_SMALL), len(search.noise)))
+    blank = np.zeros((len(_SMALL), len(problem.noise)))
     forces = map(np.asarray, unit_forces(*fixed, rows, padded, *at))
     return [
-        Unit(
+        UnitEffect(
             kind,
             place.label,
-            partial(suspicion.force, search, kind, place.label, place.row, z, shape=shape),
+            partial(hypotheses.force, problem, kind, place.label, place.row, z, shape=shape),
             place.row,
             force[:, :, i, j],
             blank,
         )
-        for kind, grid, force in zip(search.predictor.kinds, grids, forces, strict=True)
+        for kind, grid, force in zip(problem.predictor.kinds, grids, forces, strict=True)
         for i, (place, shapes) in enumerate(zip(places, grid, strict=bool(grid)))
         for j, shape in enumerate(shapes)
     ]
@@ -137,37 +139,39 @@ def _grid(kind: ForceKind, places: Sequence[Place]) -> list[tuple[float, ...]]:
     return [kind.shapes(place.scales) if kind.shape else (1.0,) for place in places]
 
 
-def faults(
-    search: Search, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
-) -> list[Unit]:
+def sensor_faults(
+    problem: HistoryProblem, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
+) -> list[UnitEffect]:
     """Errors of the sensors' gains, and delays."""
-    row = np.zeros(search.predictor.joints.shape[1])
-    still = np.zeros((search.recordings, search.data.push.shape[1] * search.predictor.substeps))
+    row = np.zeros(problem.predictor.joints.shape[1])
+    still = np.zeros((problem.recordings, problem.data.push.shape[1] * problem.predictor.substeps))
 
     def begun(kind: SensorKind, i: int, label: str, size: float) -> Start:
         size = min(size, 0.5 * LONGEST_DELAY) if kind.acts == "delay" else size
-        return suspicion.sensor(search, kind, i, label, z, size)
+        return hypotheses.sensor(problem, kind, i, label, z, size)
 
-    lanes = []
+    effects = []
     for kind in kinds:
         if not isinstance(kind, SensorKind) or kind.acts not in _SMALL or kind.fixed is not None:
             continue
         for i, label in enumerate(sensors):
             fault = np.zeros((len(_SMALL), len(sensors)))
             fault[_SMALL.index(kind.acts), i] = 1.0
-            lanes.append(Unit(kind, label, partial(begun, kind, i, label), row, still, fault))
-    return lanes
+            effects.append(
+                UnitEffect(kind, label, partial(begun, kind, i, label), row, still, fault)
+            )
+    return effects
 
 
-def _shown(search: Search, base: Fitted) -> np.ndarray:
+def _shown(problem: HistoryProblem, base: HypothesisFit) -> np.ndarray:
     """What the sensors show as predicted, and its change by a delay."""
-    off = innovations(search, base.hypothesis, base.theta, base.cycles)
-    shown = np.asarray(search.data.response) - off
+    off = innovations(problem, base.hypothesis, base.theta, base.time_constant)
+    shown = np.asarray(problem.data.response) - off
     return np.stack([shown, change_by_delay(shown)], axis=1)
 
 
 def columns_at_rest(
-    search: Search, base: Fitted, forces: Sequence[Unit]
+    problem: HistoryProblem, base: HypothesisFit, forces: Sequence[UnitEffect]
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Changes of the residuals for forces of size 1, the joints at their tangents.
 
@@ -176,25 +180,25 @@ def columns_at_rest(
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         Predictor and data.
-    base : Fitted
+    base : HypothesisFit
         The model with its joints refitted, and the suspects found so far.
-    forces : sequence of Unit
+    forces : sequence of UnitEffect
         In any order.
 
     Yields
     ------
-    (lanes,), (lanes, recordings x N x sensors) array
+    (lanes,), (effects, recordings x N x sensors) array
         Place by place, which of the forces act there and their columns.
     """
-    weight = np.moveaxis(np.asarray(search.data.weight), 1, 2)
+    weight = np.moveaxis(np.asarray(problem.data.weight), 1, 2)
     R, _, N = weight.shape
     at: dict[str, list[int]] = {}
     for i, unit in enumerate(forces):
         at.setdefault(unit.where, []).append(i)
     rows = np.stack([forces[which[0]].row for which in at.values()])
-    shown = _responses(search, base, rows[:, : search.predictor.kept], N)
+    shown = _responses(problem, base, rows[:, : problem.predictor.kept], N)
     # Twice as long: what leaves at the end does not come in again at the beginning.
     spectra = np.fft.rfft(shown, 2 * N) * passed(2 * N)
     for which, own in zip(at.values(), spectra, strict=True):
@@ -207,15 +211,17 @@ def columns_at_rest(
         yield np.array(which), np.stack(found)
 
 
-def _responses(search: Search, base: Fitted, rows: np.ndarray, N: int) -> np.ndarray:
+def _responses(
+    problem: HistoryProblem, base: HypothesisFit, rows: np.ndarray, N: int
+) -> np.ndarray:
     """Residuals after a force of 1 at the end of one step, (places, substeps, sensors, N).
 
     It rises over that step, and falls over the next; one for each step to the first sample.
     """
-    predictor, suspects = search.predictor, base.hypothesis.suspects
+    predictor, suspects = problem.predictor, base.hypothesis.suspects
     mean = base.theta.mean(axis=0)[None, : base.values]
-    gain = search.gains([suspects], mean, base.cycles, slopes=False).gain[0]
-    A, H = search.system(suspects, mean[0])
+    gain = problem.gains([suspects], mean, base.time_constant, slopes=False).gain[0]
+    A, H = problem.system(suspects, mean[0])
     P, r = rows.shape
     dt, S = float(predictor.dt), predictor.substeps
     # The force and its slope as states too (Van Loan 1978).

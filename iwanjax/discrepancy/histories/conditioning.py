@@ -8,15 +8,15 @@ from typing import Any
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.histories.noise import _noise, _quietest
+from iwanjax.discrepancy.histories.noise import noise_of, quietest
 from iwanjax.discrepancy.histories.observer import released
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, hold
 from iwanjax.discrepancy.histories.recordings import (
-    _BESIDE,
-    _ENOUGH,
-    _SPOILT,
-    Force,
-    Transient,
+    BESIDE,
+    ENOUGH,
+    SPOILT,
+    CleanForce,
+    StudyRecording,
     cleaned,
 )
 from iwanjax.dynamics.coordinates import ModalCoordinates
@@ -39,7 +39,7 @@ _DIRECTIONS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class ConditionedRecordings:
     """Recordings side by side, the shorter ones filled up.
 
     Attributes
@@ -60,20 +60,20 @@ class Prepared:
     warnings: tuple[str, ...]
 
 
-def prepared(
-    recordings: Sequence[Transient],
+def conditioned(
+    recordings: Sequence[StudyRecording],
     made: Predictor,
     modal: ModalCoordinates,
     known_noise: np.ndarray,
     length: int,
     count: int,
     directions: int,
-) -> Prepared:
+) -> ConditionedRecordings:
     """Clean forces, integrate what they do to the modes, and weigh residuals.
 
     Parameters
     ----------
-    recordings : sequence of Transient
+    recordings : sequence of StudyRecording
         To be compared together.
     made, modal : Predictor, ModalCoordinates
         Of the structure.
@@ -96,21 +96,21 @@ def prepared(
         * made.substeps
         / (2.0 * math.pi)
     )
-    beside = _RINGING if cycles > _HIGH else _BESIDE
+    beside = _RINGING if cycles > _HIGH else BESIDE
     for each in recordings:
         _check(each)
         response = each.response.astype(float)
         missing = (0, length - len(response))
         kick = np.zeros(length)
         if each.force is None:
-            noise = np.where(np.isnan(known_noise), _noise(response, 0), known_noise)
+            noise = np.where(np.isnan(known_noise), noise_of(response, 0), known_noise)
             state, unsure = released(made, response, noise)
             felt, kick[0] = np.zeros_like(response), 1.0
             push = np.zeros((length, made.substeps, modal.W.shape[0] + 2 * made.kept))
             push[0, -1, : len(state)] = state
         else:
             force = cleaned(each.force.astype(float), beside)
-            own = _quietest(response) if force.endless else _noise(response, force.first)
+            own = quietest(response) if force.endless else noise_of(response, force.first)
             noise = np.where(np.isnan(known_noise), own, known_noise)
             felt, unsure = _felt(made, modal, force), _unsure(made, modal, force)
             kick[min(force.last + 1, len(response) - 1)] = 1.0
@@ -135,16 +135,16 @@ def prepared(
     weight[len(rows) :] = 0.0
     data = Data(*jax.device_put((push, response, weight, kick, unsure)))
     names = tuple(each.name for each in recordings)
-    return Prepared(names, data, np.stack(noises), tuple(warnings))
+    return ConditionedRecordings(names, data, np.stack(noises), tuple(warnings))
 
 
-def directions_of(recordings: Sequence[Transient], made: Predictor) -> int:
+def directions_of(recordings: Sequence[StudyRecording], made: Predictor) -> int:
     """In how many the states of recordings are uncertain: that of a free decay in all."""
     decays = any(each.force is None for each in recordings)
     return max(_DIRECTIONS, 2 * made.kept) if decays else _DIRECTIONS
 
 
-def _check(each: Transient) -> None:
+def _check(each: StudyRecording) -> None:
     for array, what in ((each.response, "response"), (each.force, "force")):
         if array is not None and not np.all(np.isfinite(array)):
             raise InputError(f"{each.name}: {what} holds NaN or infinite values")
@@ -156,11 +156,11 @@ def _check(each: Transient) -> None:
     silent = np.flatnonzero(~np.any(each.response, axis=0))
     if silent.size:
         raise InputError(f"{each.name}: sensor {silent[0]} shows nothing at all; leave it out")
-    if len(each.response) < _ENOUGH + 2 * _SPOILT:
+    if len(each.response) < ENOUGH + 2 * SPOILT:
         raise InputError(f"{each.name}: {len(each.response)} samples are too few to diagnose")
 
 
-def _odd(each: Transient, force: Force) -> list[str]:
+def _odd(each: StudyRecording, force: CleanForce) -> list[str]:
     """What about a recording may mislead."""
     found = []
     for i, column in enumerate(force.clean.T):
@@ -178,7 +178,7 @@ def _odd(each: Transient, force: Force) -> list[str]:
     return found
 
 
-def _felt(made: Predictor, modal: ModalCoordinates, force: Force) -> np.ndarray:
+def _felt(made: Predictor, modal: ModalCoordinates, force: CleanForce) -> np.ndarray:
     """What errors of a force do to accelerations at once while it acts, (N, sensors)."""
     pulse = np.any(force.clean != 0, axis=1)
     if made.quantity != "acceleration":
@@ -232,7 +232,7 @@ def _finer(force: np.ndarray, times: int) -> np.ndarray:
     return times * found
 
 
-def _unsure(made: Predictor, modal: ModalCoordinates, force: Force) -> np.ndarray:
+def _unsure(made: Predictor, modal: ModalCoordinates, force: CleanForce) -> np.ndarray:
     """Directions and deviations of the state after a pulse whose force is noisy."""
     from iwanjax.discrepancy.histories.observer import stepped
 

@@ -12,7 +12,7 @@ from iwanjax.discrepancy.diagnosis import Diagnosis, Errors, Suspect, alike
 from iwanjax.discrepancy.effects import ForceKind, kinds_of
 from iwanjax.discrepancy.evidence import LEAST_GAIN
 from iwanjax.discrepancy.failures import attempted
-from iwanjax.discrepancy.histories import selection as competition
+from iwanjax.discrepancy.histories import selection as selection
 from iwanjax.discrepancy.histories.conditioning import MODEL_ERROR
 from iwanjax.discrepancy.histories.estimates import estimates
 from iwanjax.discrepancy.histories.kernels import Joint
@@ -20,12 +20,12 @@ from iwanjax.discrepancy.histories.noise import common_noise
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import Quantity, predictor
-from iwanjax.discrepancy.histories.ranking import Grounds, containing
-from iwanjax.discrepancy.histories.recordings import Transient
+from iwanjax.discrepancy.histories.ranking import Scope, containing
+from iwanjax.discrepancy.histories.recordings import StudyRecording
 from iwanjax.discrepancy.histories.refitted import joints_refitted
 from iwanjax.discrepancy.histories.restoring import restoring_force
-from iwanjax.discrepancy.histories.time_steps import Resolution, Resolved
-from iwanjax.discrepancy.histories.validation import Free, Runs, compared, joined
+from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
+from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.discrepancy.observables import Observable
 from iwanjax.errors import InputError
@@ -47,7 +47,7 @@ _ALIKE = 3.0
 @one_thread()
 def diagnose(
     structure: JointedStructure,
-    recordings: Sequence[Transient],
+    recordings: Sequence[StudyRecording],
     sampling_rate: float,
     *,
     places: Mapping[str, ArrayLike],
@@ -76,7 +76,7 @@ def diagnose(
     ----------
     structure : JointedStructure
         Joints at their starting values.
-    recordings : sequence of Transient
+    recordings : sequence of StudyRecording
         At least one to fit; those held out are only looked at in the end.
     sampling_rate : float
         Hz.
@@ -130,33 +130,33 @@ def diagnose(
         quantity,
         forces,
     )
-    resolution = Resolution(made, joints, recordings, known)
+    resolution = StepRefinement(made, joints, recordings, known)
     now = resolution.of_model()
     shapes = np.asarray(now.modal.Phi)
     moving = {name: row @ shapes for name, row in rows.items() if np.any(row @ shapes)}
-    grounds = Grounds(
+    scope = Scope(
         kinds,
-        places_of(now.search, followed(now.search), moving),
+        places_of(now.problem, followed(now.problem), moving),
         tuple(sensors),
         tuple(structure.labels),
         lambda: time.perf_counter() - started < budget,
         progress,
     )
-    table = competition.run(now.search, grounds, seed)
+    table = selection.run(now.problem, scope, seed)
     failures: list[str] = []
     now, table = attempted(
         "the polish to the free run",
-        lambda: _polished(resolution, now, table, grounds),
+        lambda: _polished(resolution, now, table, scope),
         (now, table),
         failures,
     )
-    sides, search, _ = now
+    sides, problem, _ = now
     progress("predicting the held-out recordings")
     table, before, after, refused = compared(
         # How unsure macroslip leaves a prediction takes runs of its own.
         table,
         lambda entry, replaced: sides.free(
-            entry, failures, replaced=replaced or not grounds.in_time()
+            entry, failures, replaced=replaced or not scope.in_time()
         ),
     )
     verdict = judged(
@@ -171,12 +171,12 @@ def diagnose(
     shown = table.best if what else table.nominal
     differing: tuple[Observable, ...] = ()
     restoring = None
-    if verdict.detected and grounds.in_time():
+    if verdict.detected and scope.in_time():
         progress("recovering the force and the modes' differences")
         differing = attempted(
             "comparing the modes",
             lambda: observables(
-                search,
+                problem,
                 _joined(before),
                 sampling_rate,
                 {each.name: each.released for each in recordings},
@@ -184,12 +184,12 @@ def diagnose(
             (),
             failures,
         )
-        own = [entry for entry in table.entries if entry.search is search]
+        own = [entry for entry in table.entries if entry.problem is problem]
         if what and own and own[0] is table.best:
             others = [entry.fitted for entry in own[1:]]
             restoring = attempted(
                 "recovering the restoring force",
-                lambda: restoring_force(search, followed(search), own[0].fitted, 0, others),
+                lambda: restoring_force(problem, followed(problem), own[0].fitted, 0, others),
                 None,
                 failures,
             )
@@ -216,12 +216,12 @@ def diagnose(
         indistinguishable=tuple(dict.fromkeys(indistinguishable)),
         observables=differing,
         scores=table.scores,
-        joints=joints_refitted(shown.search, shown.fitted, tuple(structure.labels)),
+        joints=joints_refitted(shown.problem, shown.fitted, tuple(structure.labels)),
         runs=(_joined(before), _joined(after)),
         sampling_rate=sampling_rate,
         restoring=restoring,
         warnings=tuple(warnings),
-        complete=grounds.in_time(),
+        complete=scope.in_time(),
         seconds=time.perf_counter() - started,
         failures=tuple(dict.fromkeys(failures)),
     )
@@ -243,21 +243,21 @@ def _misfit(run: Runs, best: Runs) -> Misfit:
 
 
 def _polished(
-    resolution: Resolution, now: Resolved, table: competition.Table, grounds: Grounds
-) -> tuple[Resolved, competition.Table]:
+    resolution: StepRefinement, now: Refined, table: selection.ModelSelection, scope: Scope
+) -> tuple[Refined, selection.ModelSelection]:
     """The last few in the free run, with steps between samples that are fine enough for it."""
-    if grounds.in_time():
+    if scope.in_time():
         now = resolution.of_free_run(now, table.best)
-    table = competition.concluded(table, now.search, grounds)
-    if table.detected and grounds.in_time():
+    table = selection.concluded(table, now.problem, scope)
+    if table.detected and scope.in_time():
         finer = resolution.of_fit(now, table.best)
         if finer is not now:
-            grounds.progress("polishing again, with finer steps")
-            return finer, competition.concluded(table, finer.search, grounds)
+            scope.progress("polishing again, with finer steps")
+            return finer, selection.concluded(table, finer.problem, scope)
     return now, table
 
 
-def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
+def _left(fitted: FreeRun, detected: bool, unknown: float) -> list[str]:
     """What to think of a residual that stays well above the noise."""
     ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
     if ratio < _UNEXPLAINED:
@@ -273,7 +273,7 @@ def _left(fitted: Free, detected: bool, unknown: float) -> list[str]:
     return [f"{told}: the rest of the model is not exact, or something small is missing as well"]
 
 
-def _unforeseen(held_out: Free) -> list[str]:
+def _unforeseen(held_out: FreeRun) -> list[str]:
     """What to think of held-out recordings that are off by more than anything accounts for."""
     ratio = held_out.relative / math.hypot(held_out.floor_95, _DEVIATIONS * held_out.spread)
     if ratio < _UNFORESEEN:
@@ -285,7 +285,7 @@ def _unforeseen(held_out: Free) -> list[str]:
     ]
 
 
-def _check(recordings: Sequence[Transient], inputs: int, sensors: int) -> None:
+def _check(recordings: Sequence[StudyRecording], inputs: int, sensors: int) -> None:
     if not any(each.use == "fit" for each in recordings):
         raise InputError("diagnose: no recording to fit; give at least one use: fit")
     for each in recordings:
@@ -301,16 +301,16 @@ def _check(recordings: Sequence[Transient], inputs: int, sensors: int) -> None:
             )
 
 
-def _relative(run: Free | None) -> float:
+def _relative(run: FreeRun | None) -> float:
     return run.relative if run else math.nan
 
 
-def _joined(runs: tuple[Free, Free | None]) -> Free:
+def _joined(runs: tuple[FreeRun, FreeRun | None]) -> FreeRun:
     """Fitted and held-out recordings one after the other."""
     return joined([run for run in runs if run is not None])
 
 
-def _suspects(table: competition.Table, probabilities: Sequence[float]) -> list[Suspect]:
+def _suspects(table: selection.ModelSelection, probabilities: Sequence[float]) -> list[Suspect]:
     """One row for every suspect of the best entry, then those of its rivals.
 
     Each with the probability of its entry.
@@ -332,7 +332,7 @@ def _suspects(table: competition.Table, probabilities: Sequence[float]) -> list[
                     where,
                     probability,
                     entry.behind,
-                    estimates(entry.search, entry.fitted, slot),
+                    estimates(entry.problem, entry.fitted, slot),
                     tuple(label for label in labels if label != labels[slot]),
                 )
             )

@@ -10,20 +10,20 @@ from iwanjax.discrepancy.effects import ForceKind, JointKind, SensorKind
 from iwanjax.discrepancy.estimate import SURE, Estimate
 from iwanjax.discrepancy.histories.kernels import joints_of
 from iwanjax.discrepancy.histories.likelihood import covariance
-from iwanjax.discrepancy.histories.multistart import Fitted
-from iwanjax.discrepancy.histories.problem import Search, free_values, rates
+from iwanjax.discrepancy.histories.multistart import HypothesisFit
+from iwanjax.discrepancy.histories.problem import HistoryProblem, free_values, rates
 
 # What a prior deviation is worth in a drift.
 _PRIOR = {"F_S_change": 0.5, "K_T_change": 0.1}
 
 
-def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]:
+def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tuple[Estimate, ...]:
     """Physical parameters of a suspect with deviations, as the residual's own size has them."""
     hypothesis, kind = fitted.hypothesis, fitted.hypothesis.kinds[slot]
-    known = covariance(search, fitted)
-    own = free_values(search, hypothesis)
+    known = covariance(problem, fitted)
+    own = free_values(problem, hypothesis)
     theta = fitted.theta.mean(axis=0)
-    first = search.parameters + 2 * slot
+    first = problem.parameters + 2 * slot
 
     def deviation(value: int) -> float:
         if value not in own:
@@ -31,7 +31,7 @@ def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]
         return math.sqrt(max(float(known[own.index(value), own.index(value)]), 0.0))
 
     if isinstance(kind, JointKind):
-        return _of_joint(search, fitted, kind, deviation)
+        return _of_joint(problem, fitted, kind, deviation)
     size, scale = theta[first], hypothesis.scales[slot]
     logarithmic = bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
     value = scale * (math.exp(min(size, 700.0)) if logarithmic else size)
@@ -46,7 +46,7 @@ def estimates(search: Search, fitted: Fitted, slot: int) -> tuple[Estimate, ...]
     return found
 
 
-def determined(search: Search, fitted: Fitted) -> bool:
+def determined(problem: HistoryProblem, fitted: HypothesisFit) -> bool:
     """Whether the sizes of all suspects of a fit are known to be other than none.
 
     A free decay has no absolute scale, so that a sensor's gain is anything: what gains by it are
@@ -55,30 +55,32 @@ def determined(search: Search, fitted: Fitted) -> bool:
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         That it was fitted with.
-    fitted : Fitted
+    fitted : HypothesisFit
         The model.
     """
     # What evidence counts: an error of the model's own widens what is stated, not what is there.
-    known = covariance(search, fitted, False)
+    known = covariance(problem, fitted, False)
     return bool(np.all(np.isfinite(known))) and all(
-        _determined(search, fitted, slot, known) for slot in range(len(fitted.hypothesis.kinds))
+        _determined(problem, fitted, slot, known) for slot in range(len(fitted.hypothesis.kinds))
     )
 
 
-def _determined(search: Search, fitted: Fitted, slot: int, known: np.ndarray) -> bool:
+def _determined(
+    problem: HistoryProblem, fitted: HypothesisFit, slot: int, known: np.ndarray
+) -> bool:
     hypothesis, kind = fitted.hypothesis, fitted.hypothesis.kinds[slot]
     if isinstance(kind, JointKind):
         if kind.name == "joint_drift":
             # Its size is that of every recording, not of the line through them alone.
             return True
         # Of friction the share that is lost, of a joint its strength or its stiffness.
-        found = estimates(search, fitted, slot)
+        found = estimates(problem, fitted, slot)
         off = [1.0 - each.value if kind.name == "stiction" else each.value for each in found[:2]]
         return any(x > SURE * each.std for x, each in zip(off, found, strict=False))
-    own = free_values(search, hypothesis)
-    at = search.parameters + 2 * slot
+    own = free_values(problem, hypothesis)
+    at = problem.parameters + 2 * slot
     places = [own.index(value) for value in (at, at + 1) if value in own]
     if not places:
         return True
@@ -91,28 +93,31 @@ def _determined(search: Search, fitted: Fitted, slot: int, known: np.ndarray) ->
 
 
 def _of_joint(
-    search: Search, fitted: Fitted, kind: JointKind, deviation: Callable[[int], float]
+    problem: HistoryProblem,
+    fitted: HypothesisFit,
+    kind: JointKind,
+    deviation: Callable[[int], float],
 ) -> tuple[Estimate, ...]:
     theta = fitted.theta.mean(axis=0)
     if kind.name == "joint_drift":
-        known = covariance(search, fitted)
-        span = search.order[-1] - search.order[0]
+        known = covariance(problem, fitted)
+        span = problem.order[-1] - problem.order[0]
         found = []
-        for info, rate in zip(kind.parameters, rates(search, fitted.hypothesis), strict=True):
+        for info, rate in zip(kind.parameters, rates(problem, fitted.hypothesis), strict=True):
             each = _PRIOR[info.name] / span
             std = math.sqrt(max(float(known[rate, rate]), 0.0))
             found.append(Estimate(info, each * float(fitted.x[rate]), each * std))
         return tuple(found)
     stuck = kind.name == "stiction"
-    places = [4] if stuck else list(range(search.parameters - 4, search.parameters))
-    joints = joints_of(search.joints, jax.device_put(theta[: search.parameters]))
+    places = [4] if stuck else list(range(problem.parameters - 4, problem.parameters))
+    joints = joints_of(problem.joints, jax.device_put(theta[: problem.parameters]))
     joint = joints[0 if stuck else -1]
     step = 1e-4
     found = []
     for info, place in zip(kind.parameters, places, strict=True):
-        moved = theta[: search.parameters].copy()
+        moved = theta[: problem.parameters].copy()
         moved[place] += step
-        other = joints_of(search.joints, jax.device_put(moved))[0 if stuck else -1]
+        other = joints_of(problem.joints, jax.device_put(moved))[0 if stuck else -1]
         value = float(getattr(joint, info.name))
         slope = (float(getattr(other, info.name)) - value) / step
         found.append(Estimate(info, value, abs(slope) * deviation(place)))

@@ -14,7 +14,7 @@ from iwanjax.discrepancy.effects import ForceKind, JointKind, SensorKind
 from iwanjax.discrepancy.histories.kernels import Joint, located
 from iwanjax.discrepancy.histories.places import Place
 from iwanjax.discrepancy.histories.predictor import Suspects
-from iwanjax.discrepancy.histories.problem import Hypothesis, Search, Start
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.joints import Iwan4, Iwan5
 
 _CHAIN = ("gain", "delay", "limit")
@@ -23,7 +23,7 @@ _LOOSE_THETA, _LOOSE_JOINT = 3.0, (4.0, 8.0, 1.5, 2.0)
 
 
 def force(
-    search: Search,
+    problem: HistoryProblem,
     kind: ForceKind,
     label: str,
     row: np.ndarray,
@@ -32,10 +32,10 @@ def force(
     shape: float,
 ) -> Start:
     """A force of some size and shape at a place, the joints at z."""
-    suspects = search.empty()
+    suspects = problem.empty()
     scale = max(abs(size), 1e-300)
     one = np.zeros(suspects.force.shape)
-    one[0, search.predictor.kinds.index(kind)] = scale
+    one[0, problem.predictor.kinds.index(kind)] = scale
     logarithmic = np.array([float(kind.positive)])
     suspects = Suspects(*jax.device_put((row[None], one, suspects.chain, logarithmic)))
     hypothesis = Hypothesis(
@@ -45,12 +45,12 @@ def force(
     return Start(hypothesis, np.concatenate([z, [begin, math.log(shape)]]))
 
 
-def shrunk(search: Search, start: Start, share: float) -> Start:
+def shrunk(problem: HistoryProblem, start: Start, share: float) -> Start:
     """The same with a share of every size that is fitted."""
     theta = start.theta.copy()
     logarithmic = np.asarray(start.hypothesis.suspects.logarithmic) > 0
     for slot, fitted in enumerate(start.hypothesis.sizes):
-        at = search.parameters + 2 * slot
+        at = problem.parameters + 2 * slot
         if fitted and logarithmic[slot]:
             theta[..., at] += math.log(share)
         elif fitted:
@@ -59,10 +59,10 @@ def shrunk(search: Search, start: Start, share: float) -> Start:
 
 
 def sensor(
-    search: Search, kind: SensorKind, which: int, label: str, z: np.ndarray, size: float
+    problem: HistoryProblem, kind: SensorKind, which: int, label: str, z: np.ndarray, size: float
 ) -> Start:
     """A fault of a sensor: error of its gain, its delay in samples or its limit."""
-    suspects = search.empty()
+    suspects = problem.empty()
     one = np.zeros(suspects.chain.shape)
     one[0, _CHAIN.index(kind.acts), which] = 1.0
     limit = kind.acts == "limit"
@@ -70,7 +70,7 @@ def sensor(
     suspects = suspects._replace(
         chain=jax.device_put(one), logarithmic=jax.device_put(np.array([float(positive)]))
     )
-    dt = float(search.predictor.dt) * search.predictor.substeps
+    dt = float(problem.predictor.dt) * problem.predictor.substeps
     hypothesis = Hypothesis(
         (kind,),
         (label,),
@@ -88,15 +88,15 @@ def sensor(
     return Start(hypothesis, np.concatenate([z, values]))
 
 
-def drift(search: Search, kind: JointKind, joint: int, label: str, z: np.ndarray) -> Start:
+def drift(problem: HistoryProblem, kind: JointKind, joint: int, label: str, z: np.ndarray) -> Start:
     """A joint whose strength changes from recording to recording."""
-    hypothesis = replace(search.nothing(), kinds=(kind,), where=(label,), drifting=joint)
+    hypothesis = replace(problem.nothing(), kinds=(kind,), where=(label,), drifting=joint)
     return Start(hypothesis, np.concatenate([z, [0.0, 0.0]]))
 
 
-def joined(search: Search, starts: Sequence[Start]) -> Start:
+def joined(problem: HistoryProblem, starts: Sequence[Start]) -> Start:
     """Several suspects at once, each in slots of its own, the joints as in the first."""
-    first, p = starts[0], search.parameters
+    first, p = starts[0], problem.parameters
     hypotheses = [start.hypothesis for start in starts]
     drifting = [h.drifting for h in hypotheses if h.drifting is not None]
     arrays = zip(*(h.suspects for h in hypotheses), strict=True)
@@ -115,9 +115,9 @@ def joined(search: Search, starts: Sequence[Start]) -> Start:
     )
 
 
-def alone(search: Search, start: Start, slot: int) -> Start:
+def alone(problem: HistoryProblem, start: Start, slot: int) -> Start:
     """One of several suspects without the others, all values as they are."""
-    h, p = start.hypothesis, search.parameters
+    h, p = start.hypothesis, problem.parameters
     part, kind = slice(slot, slot + 1), h.kinds[slot]
     drifts = isinstance(kind, JointKind)
     return Start(
@@ -135,32 +135,32 @@ def alone(search: Search, start: Start, slot: int) -> Start:
 
 
 def with_stiction(
-    search: Search,
+    problem: HistoryProblem,
     kind: JointKind,
     joint: int,
     label: str,
     thetas: Sequence[float],
     z: np.ndarray,
     beside: Start | None = None,
-) -> tuple[Search, list[Start]]:
+) -> tuple[HistoryProblem, list[Start]]:
     """A joint whose kinetic friction is theta of the static one, and the search it takes.
 
     Alone or beside a suspect. The joint comes first, so that one compiled kernel serves all.
     """
-    order = [joint, *(i for i in range(len(search.joints)) if i != joint)]
-    given = search.joints[joint].given
+    order = [joint, *(i for i in range(len(problem.joints)) if i != joint)]
+    given = problem.joints[joint].given
     values = {info.name: getattr(given, info.name) for info in given.parameters}
     loose = jax.device_put(np.array([*np.ones(len(values)), _LOOSE_THETA]))
     stuck = Joint(Iwan5(**values, theta=thetas[0]), loose)
-    joints = (stuck, *(search.joints[i] for i in order[1:]))
+    joints = (stuck, *(problem.joints[i] for i in order[1:]))
     at = jnp.asarray(order)
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness),
-        search.predictor,
-        (search.predictor.joints[at], search.predictor.stiffness[at]),
+        problem.predictor,
+        (problem.predictor.joints[at], problem.predictor.stiffness[at]),
     )
-    other = replace(search, predictor=predictor, joints=joints, compiled=set(), _process={})
-    ends = np.cumsum([len(each.given.parameters) for each in search.joints])
+    other = replace(problem, predictor=predictor, joints=joints, compiled=set(), _process={})
+    ends = np.cumsum([len(each.given.parameters) for each in problem.joints])
     parts = np.split(z, ends[:-1])
     starts = []
     for theta in thetas:
@@ -170,12 +170,12 @@ def with_stiction(
         moved = np.concatenate([own, *(parts[i] for i in order[1:])])
         start = _as_nothing(other, kind, label, moved)
         if beside is not None:
-            start = joined(other, [start, _moved(beside, search.parameters, moved)])
+            start = joined(other, [start, _moved(beside, problem.parameters, moved)])
         starts.append(start)
     return other, starts
 
 
-class Guess(NamedTuple):
+class JointStart(NamedTuple):
     """Where to begin with a joint: its stiffness, its slip, and the other joints' z."""
 
     stiffness: float
@@ -184,26 +184,26 @@ class Guess(NamedTuple):
 
 
 def with_joint(
-    search: Search,
+    problem: HistoryProblem,
     kind: JointKind,
     place: Place,
-    guesses: Sequence[Guess],
+    guesses: Sequence[JointStart],
     beside: Start | None = None,
-) -> tuple[Search, list[Start]]:
+) -> tuple[HistoryProblem, list[Start]]:
     """One Iwan element more at a place, beside a suspect or alone, and the search it takes."""
     first = guesses[0]
     given = Iwan4(F_S=first.stiffness * first.slip, K_T=first.stiffness, chi=-0.5, beta=1.0)
     more = Joint(given, jnp.asarray(_LOOSE_JOINT))
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness),
-        search.predictor,
+        problem.predictor,
         (
-            jnp.concatenate([search.predictor.joints, jnp.asarray(place.row)[None]]),
-            jnp.append(search.predictor.stiffness, 0.0),
+            jnp.concatenate([problem.predictor.joints, jnp.asarray(place.row)[None]]),
+            jnp.append(problem.predictor.stiffness, 0.0),
         ),
     )
     other = replace(
-        search, predictor=predictor, joints=(*search.joints, more), compiled=set(), _process={}
+        problem, predictor=predictor, joints=(*problem.joints, more), compiled=set(), _process={}
     )
     starts = []
     for guess in guesses:
@@ -211,7 +211,7 @@ def with_joint(
         z = np.concatenate([guess.z, located(more, values)])
         start = _as_nothing(other, kind, place.label, z)
         if beside is not None:
-            start = joined(other, [start, _moved(beside, search.parameters, z)])
+            start = joined(other, [start, _moved(beside, problem.parameters, z)])
         starts.append(start)
     return other, starts
 
@@ -221,7 +221,7 @@ def _moved(start: Start, parameters: int, z: np.ndarray) -> Start:
     return start._replace(theta=np.concatenate([z, start.common[parameters:]]))
 
 
-def _as_nothing(search: Search, kind: JointKind, label: str, z: np.ndarray) -> Start:
+def _as_nothing(problem: HistoryProblem, kind: JointKind, label: str, z: np.ndarray) -> Start:
     """A kind that is in the joints themselves."""
-    hypothesis = replace(search.nothing(), kinds=(kind,), where=(label,))
+    hypothesis = replace(problem.nothing(), kinds=(kind,), where=(label,))
     return Start(hypothesis, np.append(z, [0.0, 0.0]))

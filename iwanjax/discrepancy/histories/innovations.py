@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import Motion
+from iwanjax.discrepancy.effects import PlaceMotion
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values, on, sizes_of
 from iwanjax.dynamics.balance import Joints
 from iwanjax.joints import AbstractJoint, Reaction
@@ -104,10 +104,10 @@ def motions(
     values: Values,
     gain: Float[Array, "states sensors"],
     data: Data,
-) -> Motion:
+) -> PlaceMotion:
     """What the suspects' places do meanwhile, (N substeps, slots); dt for each step."""
     motion = _run(predictor, joints, suspects, values, gain, data, lambda motion: motion)[1]
-    return Motion(*(x.reshape(-1, *x.shape[2:]) for x in motion))
+    return PlaceMotion(*(x.reshape(-1, *x.shape[2:]) for x in motion))
 
 
 def _run(
@@ -117,7 +117,7 @@ def _run(
     values: Values,
     gain: Array,
     data: Data,
-    kept: Callable[[Motion], Any],
+    kept: Callable[[PlaceMotion], Any],
 ) -> tuple[Array, Any]:
     """Innovations, and what is kept of the places' motion at each step."""
     run = _Run.of(predictor, joints, suspects, values, data.push)
@@ -263,19 +263,19 @@ class _Run(NamedTuple):
             jnp.zeros((DELAY_NODES, predictor.sensors.shape[0])),
         )
 
-    def step(self, at: _State, felt: Array) -> tuple[_State, Motion]:
+    def step(self, at: _State, felt: Array) -> tuple[_State, PlaceMotion]:
         """Over one step, with what the measured force does over it; and what places do."""
         r, m = self.by.kept, self.mobility.shape[0]
         new = self.onward @ jnp.concatenate([at.z, at.g]) + felt
         z, expected, d, rate, a = jnp.split(new, np.cumsum([2 * r, m, m, m]))
         n = self.by.joints.shape[0]
-        motion = Motion(d[n:], rate[n:], a, d[n:] - at.d[n:], self.by.dt)
+        motion = PlaceMotion(d[n:], rate[n:], a, d[n:] - at.d[n:], self.by.dt)
         e, joints, memory = self._forces(d[:n], rate[:n], motion, at, expected)
         g = jnp.concatenate([expected + e, at.g[: 2 * m], e])
         return _State(z, g, d, joints, memory, at.seen), motion
 
     def _forces(
-        self, d: Array, v: Array, motion: Motion, at: _State, expected: Array
+        self, d: Array, v: Array, motion: PlaceMotion, at: _State, expected: Array
     ) -> tuple[Array, tuple[Any, ...], Array]:
         """Pseudo-forces less the expected ones, and what joints and suspects remember."""
         predictor, n = self.by, self.by.joints.shape[0]

@@ -8,20 +8,25 @@ from typing import NamedTuple
 import jax
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind
-from iwanjax.discrepancy.evidence import INDULGENCE
-from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
+from iwanjax.discrepancy.histories import hypotheses as hypotheses
 from iwanjax.discrepancy.histories.kernels import joints_of
 from iwanjax.discrepancy.histories.likelihood import left_by_noise
-from iwanjax.discrepancy.histories.multistart import SHORT, Fitted, fit_all, foreseen
+from iwanjax.discrepancy.histories.multistart import (
+    SHORT_TIME_CONSTANT,
+    HypothesisFit,
+    foreseen,
+    multistart,
+)
 from iwanjax.discrepancy.histories.places import Place
-from iwanjax.discrepancy.histories.problem import Search, Start
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.ranking import (
-    MIDDLE,
+    GIVE_UP,
     MISFIT,
-    RACE,
     STEPS,
-    Entry,
-    Grounds,
+    TIME_CONSTANT,
+    RankedFit,
+    Scope,
     again,
     cost_of,
     distinct,
@@ -57,148 +62,156 @@ class Limits(NamedTuple):
     worth: float
 
 
-def limited(search: Search, nominal: Fitted, best: float, cycles: float) -> Limits:
+def limited(
+    problem: HistoryProblem, nominal: HypothesisFit, best: float, time_constant: float
+) -> Limits:
     """One step of the nominal model, and what must be gained beside it to be worth a fit."""
-    return Limits(best, (1.0 - INDULGENCE) * foreseen(search, [nominal.start], cycles)[0])
+    return Limits(
+        best, (1.0 - MODEL_ERROR_ALLOWANCE) * foreseen(problem, [nominal.start], time_constant)[0]
+    )
 
 
-def like_a_joint(fitted: Fitted) -> bool:
+def like_a_joint(fitted: HypothesisFit) -> bool:
     """Whether a joint left out is a rival of what was found in any case."""
     return bool({kind.name for kind in fitted.hypothesis.kinds} & _LIKE_A_JOINT)
 
 
 def with_joints_left_out(
-    search: Search,
-    nominal: Fitted,
-    shorts: Sequence[Entry],
-    entries: list[Entry],
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    shorts: Sequence[RankedFit],
+    entries: list[RankedFit],
     candidates: Sequence[Candidate],
-    grounds: Grounds,
-) -> list[Entry]:
+    scope: Scope,
+) -> list[RankedFit]:
     """A joint more, where simple forces leave something or look much like one."""
     best = least(nominal, entries)
-    left = best.cost > MISFIT * left_by_noise(search)
+    left = best.cost > MISFIT * left_by_noise(problem)
     if not left and not like_a_joint(best):
         return entries
     known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
-    grounds.progress("refitting joints left out")
-    limits = limited(search, nominal, best.cost, SHORT)
-    found = _joints_left_out(search, known, limits, grounds, _JOINT_PLACES if left else 1)
-    found += _rivals(search, found, known, limits, grounds)
-    return _compared(shorts, entries, found, grounds)
+    scope.progress("refitting joints left out")
+    limits = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT)
+    found = _joints_left_out(problem, known, limits, scope, _JOINT_PLACES if left else 1)
+    found += _rivals(problem, found, known, limits, scope)
+    return _compared(shorts, entries, found, scope)
 
 
 def with_joint_faults(
-    search: Search,
-    nominal: Fitted,
-    shorts: Sequence[Entry],
-    entries: list[Entry],
-    grounds: Grounds,
-) -> list[Entry]:
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    shorts: Sequence[RankedFit],
+    entries: list[RankedFit],
+    scope: Scope,
+) -> list[RankedFit]:
     """Of pairs either with a joint in its place; and joints that stick, where much is left."""
     best = least(nominal, entries)
-    left = best.cost > MISFIT * left_by_noise(search)
+    left = best.cost > MISFIT * left_by_noise(problem)
     pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]
     if not left and not (pairs and like_a_joint(best)):
         return entries
-    grounds.progress("refitting joints of other kinds")
-    limits = limited(search, nominal, best.cost, SHORT)
-    found = _beside_another(search, pairs[:_PAIRS], limits, grounds)
-    found += stuck(search, nominal, limits, grounds) if left else []
-    single = _explaining_too_little(search, best, found)
+    scope.progress("refitting joints of other kinds")
+    limits = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT)
+    found = _beside_another(problem, pairs[:_PAIRS], limits, scope)
+    found += stuck(problem, nominal, limits, scope) if left else []
+    single = _explaining_too_little(problem, best, found)
     if single is not None:
-        found += _beside_stiction(search, single, limits, grounds)
-    return _compared(shorts, entries, found, grounds)
+        found += _beside_stiction(problem, single, limits, scope)
+    return _compared(shorts, entries, found, scope)
 
 
-def _explaining_too_little(search: Search, best: Fitted, found: Sequence[Entry]) -> Fitted | None:
+def _explaining_too_little(
+    problem: HistoryProblem, best: HypothesisFit, found: Sequence[RankedFit]
+) -> HypothesisFit | None:
     """The best suspect, if it is one force that leaves much, and so do all joints' faults."""
-    kinds, much = best.hypothesis.kinds, _FAR * left_by_noise(search)
+    kinds, much = best.hypothesis.kinds, _FAR * left_by_noise(problem)
     single = len(kinds) == 1 and isinstance(kinds[0], ForceKind)
     return best if single and min([best.cost, *map(cost_of, found)]) > much else None
 
 
 def _beside_stiction(
-    search: Search, single: Fitted, limits: Limits, grounds: Grounds
-) -> list[Entry]:
+    problem: HistoryProblem, single: HypothesisFit, limits: Limits, scope: Scope
+) -> list[RankedFit]:
     """A joint that sticks beside a force, where it takes most of what the force leaves."""
-    (short,) = fit_all(search, [single.start], SHORT, STEPS, in_time=grounds.in_time)
-    noise = left_by_noise(search)
-    pairs = stuck(search, short, Limits(short.cost, limits.worth), grounds, beside=short.start)
+    (short,) = multistart(
+        problem, [single.start], SHORT_TIME_CONSTANT, STEPS, in_time=scope.in_time
+    )
+    noise = left_by_noise(problem)
+    pairs = stuck(problem, short, Limits(short.cost, limits.worth), scope, beside=short.start)
     return [each for each in pairs if _FALL * (cost_of(each) - noise) < short.cost - noise]
 
 
 def _compared(
-    shorts: Sequence[Entry], entries: list[Entry], found: list[Entry], grounds: Grounds
-) -> list[Entry]:
+    shorts: Sequence[RankedFit], entries: list[RankedFit], found: list[RankedFit], scope: Scope
+) -> list[RankedFit]:
     """What was found with a short memory among others: what is near refitted as they were."""
     everything = placed([*shorts, *found])
-    faults = [e for e in everything if all(e.fitted is not short.fitted for short in shorts)]
-    near = [e for e in faults if e.fitted.cost < _AHEAD * everything[0].fitted.cost]
-    others = [e for e in faults if e not in near]
-    return distinct([*entries, *others, *again(near, [], MIDDLE, grounds)])
+    sensor_faults = [e for e in everything if all(e.fitted is not short.fitted for short in shorts)]
+    near = [e for e in sensor_faults if e.fitted.cost < _AHEAD * everything[0].fitted.cost]
+    others = [e for e in sensor_faults if e not in near]
+    return distinct([*entries, *others, *again(near, [], TIME_CONSTANT, scope)])
 
 
 def stuck(
-    search: Search,
-    nominal: Fitted,
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
     limits: Limits,
-    grounds: Grounds,
-    cycles: float = SHORT,
+    scope: Scope,
+    time_constant: float = SHORT_TIME_CONSTANT,
     beside: Start | None = None,
-) -> list[Entry]:
+) -> list[RankedFit]:
     """Stiction of every joint, where it promises something.
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         Predictor and data.
-    nominal : Fitted
+    nominal : HypothesisFit
         The model with its joints refitted, to start from.
     limits : Limits
         Costs to compare with.
-    grounds : Grounds
+    scope : Scope
         What may be suspected.
-    cycles : float
+    time_constant : float
         Memory of the observer.
     beside : Start, optional
         A suspect that acts as well.
     """
-    z = nominal.theta.mean(axis=0)[: search.parameters]
+    z = nominal.theta.mean(axis=0)[: problem.parameters]
     made = [
-        suspicion.with_stiction(search, kind, j, label, _THETAS, z, beside)
-        for kind in grounds.kinds
+        hypotheses.with_stiction(problem, kind, j, label, _THETAS, z, beside)
+        for kind in scope.kinds
         if isinstance(kind, JointKind) and kind.name == "stiction"
-        for j, label in enumerate(grounds.joints)
-        if type(search.joints[j].given) is Iwan4
+        for j, label in enumerate(scope.joints)
+        if type(problem.joints[j].given) is Iwan4
     ]
-    return _best_of_each(made, limits, grounds, cycles)
+    return _best_of_each(made, limits, scope, time_constant)
 
 
 def _joints_left_out(
-    search: Search, known: Sequence[Start], limits: Limits, grounds: Grounds, most: int
-) -> list[Entry]:
+    problem: HistoryProblem, known: Sequence[Start], limits: Limits, scope: Scope, most: int
+) -> list[RankedFit]:
     """A joint more where the best suspects are."""
-    by_label = {place.label: place for place in grounds.places}
+    by_label = {place.label: place for place in scope.places}
     labels = dict.fromkeys(start.hypothesis.where[-1] for start in known)
     places = [by_label[label] for label in labels if label in by_label][:most]
     made = []
-    for kind in grounds.kinds:
+    for kind in scope.kinds:
         if isinstance(kind, JointKind) and kind.name == "iwan_joint":
             for place in places:
-                guesses = _guesses(search, known, place)
+                guesses = _guesses(problem, known, place)
                 if guesses:
-                    made.append(suspicion.with_joint(search, kind, place, guesses))
-    return _best_of_each(made, limits, grounds)
+                    made.append(hypotheses.with_joint(problem, kind, place, guesses))
+    return _best_of_each(made, limits, scope)
 
 
 def _rivals(
-    search: Search,
-    found: Sequence[Entry],
+    problem: HistoryProblem,
+    found: Sequence[RankedFit],
     known: Sequence[Start],
     limits: Limits,
-    grounds: Grounds,
-) -> list[Entry]:
+    scope: Scope,
+) -> list[RankedFit]:
     """The best joint left out at other places, scaled to what they do.
 
     From where its fit has ended, for springs and sliders alone tell too little of where the
@@ -207,11 +220,11 @@ def _rivals(
     best = min(found, key=cost_of, default=None)
     if best is None or cost_of(best) > _AHEAD * limits.best:
         return []
-    by_label = {place.label: place for place in grounds.places}
+    by_label = {place.label: place for place in scope.places}
     (kind,), (where,) = best.fitted.hypothesis.kinds, best.fitted.hypothesis.where
-    here, p = by_label[where], search.parameters
+    here, p = by_label[where], problem.parameters
     z = best.fitted.theta.mean(axis=0)
-    joint = joints_of(best.search.joints, jax.device_put(z[: best.search.parameters]))[-1]
+    joint = joints_of(best.problem.joints, jax.device_put(z[: best.problem.parameters]))[-1]
     assert isinstance(joint, Iwan4)
     assert isinstance(kind, JointKind)
     F_S, K_T = float(joint.F_S), float(joint.K_T)
@@ -219,78 +232,92 @@ def _rivals(
     made = []
     for place in [by_label[each] for each in labels if each in by_label and each != where]:
         ratio = here.scales.deflection / place.scales.deflection
-        guess = suspicion.Guess(K_T * ratio**2, F_S / K_T / ratio, z[:p])
-        made.append(suspicion.with_joint(search, kind, place, [guess]))
+        guess = hypotheses.JointStart(K_T * ratio**2, F_S / K_T / ratio, z[:p])
+        made.append(hypotheses.with_joint(problem, kind, place, [guess]))
     near = Limits(cost_of(best), min(limits.worth, _AHEAD * cost_of(best)))
-    return _best_of_each(made[:_ELSEWHERE], near, grounds)
+    return _best_of_each(made[:_ELSEWHERE], near, scope)
 
 
 def _beside_another(
-    search: Search, pairs: Sequence[Fitted], limits: Limits, grounds: Grounds
-) -> list[Entry]:
+    problem: HistoryProblem, pairs: Sequence[HypothesisFit], limits: Limits, scope: Scope
+) -> list[RankedFit]:
     """A joint in place of either of two suspects, the other kept."""
-    by_label = {place.label: place for place in grounds.places}
-    made: dict[tuple[str, str], tuple[Search, list[Start]]] = {}
-    kinds = [k for k in grounds.kinds if isinstance(k, JointKind) and k.name == "iwan_joint"]
+    by_label = {place.label: place for place in scope.places}
+    made: dict[tuple[str, str], tuple[HistoryProblem, list[Start]]] = {}
+    kinds = [k for k in scope.kinds if isinstance(k, JointKind) and k.name == "iwan_joint"]
     for kind, pair, slot in itertools.product(kinds, pairs, (0, 1)):
         place = by_label.get(pair.hypothesis.where[slot])
-        guesses = _guesses_of(search, pair.start, slot, place) if place else []
-        kept = suspicion.alone(search, pair.start, 1 - slot)
+        guesses = _guesses_of(problem, pair.start, slot, place) if place else []
+        kept = hypotheses.alone(problem, pair.start, 1 - slot)
         key = (pair.hypothesis.where[slot], kept.hypothesis.label)
         if place and guesses and key not in made:
-            made[key] = suspicion.with_joint(search, kind, place, guesses, kept)
-    found = _best_of_each(list(made.values()), limits, grounds)
-    return found + without_the_other(found, grounds)
+            made[key] = hypotheses.with_joint(problem, kind, place, guesses, kept)
+    found = _best_of_each(list(made.values()), limits, scope)
+    return found + without_the_other(found, scope)
 
 
-def without_the_other(pairs: Sequence[Entry], grounds: Grounds) -> list[Entry]:
+def without_the_other(pairs: Sequence[RankedFit], scope: Scope) -> list[RankedFit]:
     """Joints alone from where they are beside another, which may only have led there."""
     best = min(map(cost_of, pairs), default=math.inf)
-    of_place: dict[str, Entry] = {}
+    of_place: dict[str, RankedFit] = {}
     for pair in sorted(pairs, key=cost_of):
         if cost_of(pair) < _AHEAD * best:
             of_place.setdefault(pair.fitted.hypothesis.where[0], pair)
-    starts = [(e.search, suspicion.alone(e.search, e.fitted.start, 0)) for e in of_place.values()]
+    starts = [
+        (e.problem, hypotheses.alone(e.problem, e.fitted.start, 0)) for e in of_place.values()
+    ]
     return [
-        Entry(own, each)
+        RankedFit(own, each)
         for own, start in starts
-        for each in fit_all(
-            own, [start], SHORT, STEPS, race=RACE, best=best, in_time=grounds.in_time
+        for each in multistart(
+            own,
+            [start],
+            SHORT_TIME_CONSTANT,
+            STEPS,
+            give_up=GIVE_UP,
+            best=best,
+            in_time=scope.in_time,
         )
     ]
 
 
 def _best_of_each(
-    made: Sequence[tuple[Search, list[Start]]],
+    made: Sequence[tuple[HistoryProblem, list[Start]]],
     limits: Limits,
-    grounds: Grounds,
-    cycles: float = SHORT,
-) -> list[Entry]:
+    scope: Scope,
+    time_constant: float = SHORT_TIME_CONSTANT,
+) -> list[RankedFit]:
     """The best fit of each hypothesis that has a search of its own and promises something."""
     found, best = [], limits.best
     for own, starts in made:
-        if not grounds.in_time():
+        if not scope.in_time():
             break
-        costs = foreseen(own, starts, cycles)
+        costs = foreseen(own, starts, time_constant)
         order = sorted(range(len(starts)), key=costs.__getitem__)
         if costs[order[0]] > limits.worth:
             continue
         chosen = [starts[i] for i in order[:_TRIED]]
-        fits = fit_all(own, chosen, cycles, STEPS, race=RACE, best=best, in_time=grounds.in_time)
+        fits = multistart(
+            own, chosen, time_constant, STEPS, give_up=GIVE_UP, best=best, in_time=scope.in_time
+        )
         best = min(best, *(each.cost for each in fits))
-        found.append(Entry(own, min(fits, key=lambda each: each.cost)))
+        found.append(RankedFit(own, min(fits, key=lambda each: each.cost)))
     return found
 
 
-def _guesses(search: Search, known: Sequence[Start], place: Place) -> list[suspicion.Guess]:
+def _guesses(
+    problem: HistoryProblem, known: Sequence[Start], place: Place
+) -> list[hypotheses.JointStart]:
     """What the best springs and sliders at a place say of a joint there."""
     singles = [s for s in known if s.hypothesis.where == (place.label,)]
-    return [g for s in singles for g in _guesses_of(search, s, 0, place)][:_GUESSES]
+    return [g for s in singles for g in _guesses_of(problem, s, 0, place)][:_GUESSES]
 
 
-def _guesses_of(search: Search, start: Start, slot: int, place: Place) -> list[suspicion.Guess]:
+def _guesses_of(
+    problem: HistoryProblem, start: Start, slot: int, place: Place
+) -> list[hypotheses.JointStart]:
     """What a spring or slider says of a joint in its place."""
-    hypothesis, p = start.hypothesis, search.parameters
+    hypothesis, p = start.hypothesis, problem.parameters
     kind = hypothesis.kinds[slot]
     if not isinstance(kind, ForceKind) or kind.size.dimension != "force/length":
         return []
@@ -301,4 +328,4 @@ def _guesses_of(search: Search, start: Start, slot: int, place: Place) -> list[s
     slips = [share * place.scales.deflection for share in _SLIPS]
     if kind.shape is not None and kind.shape.dimension == "length":
         slips = [factor * math.exp(shape) for factor in _SLIPPED]
-    return [suspicion.Guess(stiffness, slip, start.common[:p]) for slip in slips]
+    return [hypotheses.JointStart(stiffness, slip, start.common[:p]) for slip in slips]

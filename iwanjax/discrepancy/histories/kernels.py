@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import Motion, shipped
+from iwanjax.discrepancy.effects import PlaceMotion, shipped
 from iwanjax.discrepancy.histories.innovations import innovations, motions
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values
 from iwanjax.joints import AbstractJoint, ParameterInfo
@@ -116,8 +116,8 @@ joints_of = eqx.filter_jit(joints_at)
 
 @eqx.filter_jit
 def tangents(
-    joints: tuple[Joint, ...], z: Float[Array, "lanes parameters"]
-) -> Float[Array, "lanes joints"]:
+    joints: tuple[Joint, ...], z: Float[Array, "batch parameters"]
+) -> Float[Array, "batch joints"]:
     """Initial stiffnesses of all joints."""
     if not joints:
         return jnp.zeros((z.shape[0], 0))
@@ -221,23 +221,23 @@ def slopes(
 
 
 class Small(NamedTuple):
-    """Small forces and faults of sensors, one to a lane.
+    """Small forces and faults of sensors, one to a member.
 
     Attributes
     ----------
-    row : (lanes, modes) array
+    row : (batch, modes) array
         Where the force acts.
-    force : (lanes, recordings, steps) array
+    force : (batch, recordings, steps) array
         What it opposes the motion with at the end of each step.
-    fault : (lanes, 2, sensors) array
+    fault : (batch, 2, sensors) array
         Error of each sensor's gain, and samples that it is late.
     shown : (recordings, 2, N, sensors) array
         What the sensors show, and its change by a delay of one sample.
     """
 
-    row: Float[Array, "lanes modes"]
-    force: Float[Array, "lanes recordings steps"]
-    fault: Float[Array, "lanes 2 sensors"]
+    row: Float[Array, "batch modes"]
+    force: Float[Array, "batch recordings steps"]
+    fault: Float[Array, "batch 2 sensors"]
     shown: Float[Array, "recordings 2 N sensors"]
 
 
@@ -270,9 +270,9 @@ def unit_forces(
         values = values._replace(suspects=jnp.pad(values.suspects, [(0, places), (0, 0)]))
         moved = motions(predictor, made, watched, values, gain, data)
         d, v, a, change = (x[:, slots:, None] for x in (moved.d, moved.v, moved.a, moved.moved))
-        at_places = Motion(d, v, a, change, moved.dt)
+        at_places = PlaceMotion(d, v, a, change, moved.dt)
 
-        def step(memory: tuple[Array, ...], motion: Motion) -> tuple[Any, tuple[Array, ...]]:
+        def step(memory: tuple[Array, ...], motion: PlaceMotion) -> tuple[Any, tuple[Array, ...]]:
             found = [
                 jnp.broadcast_arrays(*kind.unit_force(motion, shape, kept), shape)[:2]
                 for kind, shape, kept in zip(predictor.kinds, shapes, memory, strict=True)
@@ -293,7 +293,7 @@ def responses(
     theta: Float[Array, "recordings values"],
     gain: Float[Array, "states sensors"],
     data: Data,
-) -> tuple[Float[Array, "lanes recordings N sensors"]]:
+) -> tuple[Float[Array, "batch recordings N sensors"]]:
     """What small forces and faults of sensors would change in the residuals."""
     parameters = sum(len(joint.given.parameters) for joint in joints)
     slots = suspects.row.shape[0]

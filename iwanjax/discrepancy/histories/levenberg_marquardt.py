@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.evidence import correlation_time
-from iwanjax.discrepancy.histories.linearise import Seen, evaluate
+from iwanjax.discrepancy.histories.linearise import Linearisation, linearise
 from iwanjax.discrepancy.histories.problem import (
+    HistoryProblem,
     Hypothesis,
-    Search,
     Start,
     drifting_values,
     elapsed,
@@ -46,17 +46,17 @@ class Layout(NamedTuple):
     precision: np.ndarray
 
 
-def _laid_out(search: Search, start: Start) -> tuple[Layout, np.ndarray]:
+def _laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray]:
     """Which values are free, and where they begin."""
-    hypothesis, R, p = start.hypothesis, search.recordings, search.parameters
+    hypothesis, R, p = start.hypothesis, problem.recordings, problem.parameters
     slots = len(hypothesis.sizes)
     fixed = p + 2 * slots
     given = np.atleast_2d(start.theta)
     if hypothesis.drifting is None:
         given = given.mean(axis=0, keepdims=True)
-    base = np.concatenate([given[0, :fixed], np.zeros(search.directions)])
+    base = np.concatenate([given[0, :fixed], np.zeros(problem.directions)])
     eye = np.eye(len(base))
-    shared = free_values(search, hypothesis)
+    shared = free_values(problem, hypothesis)
     columns = [np.tile(eye[i], (R, 1)) for i in shared]
     precision = [1.0 if i < p else 0.0 for i in shared]
     x = [base[i] for i in shared]
@@ -68,8 +68,8 @@ def _laid_out(search: Search, start: Start) -> tuple[Layout, np.ndarray]:
             precision.append(1.0)
             x.append(0.0)
     if hypothesis.drifting is not None:
-        line = elapsed(search, search.order)
-        for i in drifting_values(search, hypothesis.drifting):
+        line = elapsed(problem, problem.order)
+        for i in drifting_values(problem, hypothesis.drifting):
             change = given[:, i] - given[0, i] if len(given) > 1 else np.zeros(R)
             columns.append(np.outer(line, eye[i]))
             precision.append(_DRIFT**-2)
@@ -84,7 +84,7 @@ def _laid_out(search: Search, start: Start) -> tuple[Layout, np.ndarray]:
 
 
 @dataclass
-class Lane:
+class Descent:
     """A search on its way."""
 
     hypothesis: Hypothesis
@@ -92,7 +92,7 @@ class Lane:
     joints: int
     count: int
     x: np.ndarray
-    seen: Seen
+    seen: Linearisation
     tau: float = 1.0
     damping: float = _DAMPING
     active: bool = True
@@ -256,7 +256,7 @@ class Lane:
             self.converged, self.active = True, False
         self.stale = self.active and not (well and self.slow < _PATIENCE)
 
-    def renewed(self, seen: Seen) -> None:
+    def renewed(self, seen: Linearisation) -> None:
         """Take derivatives worked out where it is."""
         self.seen, self.kept, self.stale = seen, 0, False
 
@@ -318,28 +318,32 @@ def _leaping(hypothesis: Hypothesis, layout: Layout) -> np.ndarray:
     return logs
 
 
-def resumed(search: Search, start: Start, x: np.ndarray, change: np.ndarray, cycles: float) -> Lane:
+def resumed(
+    problem: HistoryProblem, start: Start, x: np.ndarray, change: np.ndarray, time_constant: float
+) -> Descent:
     """A search where another ended, the joints moved from there."""
-    layout, _ = _laid_out(search, start)
+    layout, _ = _laid_out(problem, start)
     there = x.copy()
     there[: len(change)] += change
-    (seen,) = evaluate(search, [(start.hypothesis, layout.base + layout.T @ there)], cycles)
-    count = int(np.count_nonzero(np.asarray(search.data.weight)))
+    (seen,) = linearise(
+        problem, [(start.hypothesis, layout.base + layout.T @ there)], time_constant
+    )
+    count = int(np.count_nonzero(np.asarray(problem.data.weight)))
     tau = correlation_time(seen.residual)
-    return Lane(start.hypothesis, layout, search.parameters, count, there, seen, tau)
+    return Descent(start.hypothesis, layout, problem.parameters, count, there, seen, tau)
 
 
-def begun(search: Search, starts: Sequence[Start], cycles: float) -> list[Lane]:
+def begun(problem: HistoryProblem, starts: Sequence[Start], time_constant: float) -> list[Descent]:
     """Searches at their beginning."""
-    laid_out = [_laid_out(search, start) for start in starts]
+    laid_out = [_laid_out(problem, start) for start in starts]
     hypotheses = [start.hypothesis for start in starts]
     thetas = [
         (h, layout.base + layout.T @ x) for h, (layout, x) in zip(hypotheses, laid_out, strict=True)
     ]
-    count = int(np.count_nonzero(np.asarray(search.data.weight)))
+    count = int(np.count_nonzero(np.asarray(problem.data.weight)))
     return [
-        Lane(h, layout, search.parameters, count, x, seen, correlation_time(seen.residual))
+        Descent(h, layout, problem.parameters, count, x, seen, correlation_time(seen.residual))
         for h, (layout, x), seen in zip(
-            hypotheses, laid_out, evaluate(search, thetas, cycles), strict=True
+            hypotheses, laid_out, linearise(problem, thetas, time_constant), strict=True
         )
     ]

@@ -7,8 +7,8 @@ import numpy as np
 
 from iwanjax.discrepancy.effects import JointKind
 from iwanjax.discrepancy.evidence import correlation_time, log_evidence
-from iwanjax.discrepancy.histories.multistart import Fitted
-from iwanjax.discrepancy.histories.problem import Search, free_values
+from iwanjax.discrepancy.histories.multistart import HypothesisFit
+from iwanjax.discrepancy.histories.problem import HistoryProblem, free_values
 from iwanjax.signals.comparison_band import OF_NOISE
 
 # No model is trusted to explain its residual better than this share of the noise's variance.
@@ -34,28 +34,32 @@ class Evidence(NamedTuple):
     temperature: float
     tau: float
 
-    def worth(self, fitted: Fitted) -> float:
+    def worth(self, fitted: HypothesisFit) -> float:
         """Evidence that the whole residual of a fit stands for."""
         return fitted.cost / (2.0 * self.temperature * self.tau)
 
-    def at(self, search: Search, fits: Sequence[Fitted], temperature: float) -> "Evidence":
+    def at(
+        self, problem: HistoryProblem, fits: Sequence[HypothesisFit], temperature: float
+    ) -> "Evidence":
         """The same fits at another temperature."""
         costs, known = zip(*((each.cost, unknowns(each)) for each in fits), strict=True)
-        count = values_measured(search)
+        count = values_measured(problem)
         values = log_evidence(costs, known, count, temperature, self.tau)
         return Evidence(values, temperature, self.tau)
 
 
-def evidence(search: Search, fits: Sequence[Fitted]) -> Evidence:
+def evidence(problem: HistoryProblem, fits: Sequence[HypothesisFit]) -> Evidence:
     """Of fits with the same memory, all at the temperature and correlation of the best."""
     best = min(fits, key=lambda each: each.cost)
-    count = values_measured(search)
+    count = values_measured(problem)
     temperature = max(_LEAST_TEMPERATURE, float(best.misfit.sum()) / count)
     tau = correlation_time(best.residual)
-    return Evidence(np.zeros(0), temperature, tau).at(search, fits, temperature)
+    return Evidence(np.zeros(0), temperature, tau).at(problem, fits, temperature)
 
 
-def covariance(search: Search, fitted: Fitted, own_error: bool = True) -> np.ndarray:
+def covariance(
+    problem: HistoryProblem, fitted: HypothesisFit, own_error: bool = True
+) -> np.ndarray:
     r"""Of what was free in a fit, (free, free), by the residual's own size.
 
     .. math:: C = (J^T J / s + P)^{-1} + \frac{R-1}{R} \sum_r \delta_r \delta_r^T,
@@ -69,11 +73,11 @@ def covariance(search: Search, fitted: Fitted, own_error: bool = True) -> np.nda
     """
     if not np.all(np.isfinite(fitted.normal)):
         return np.full_like(fitted.normal, np.nan)
-    table, prior = evidence(search, [fitted]), np.diag(fitted.precision)
+    table, prior = evidence(problem, [fitted]), np.diag(fitted.precision)
     white = table.temperature * table.tau
-    error = float(fitted.misfit.sum()) - (1.0 - UNSURE) * left_by_noise(search)
-    taken = len(free_values(search, fitted.hypothesis))
-    unit = max(white, 1.0 + own_error * error / max(1, _ways(search) - taken))
+    error = float(fitted.misfit.sum()) - (1.0 - UNSURE) * left_by_noise(problem)
+    taken = len(free_values(problem, fitted.hypothesis))
+    unit = max(white, 1.0 + own_error * error / max(1, _ways(problem) - taken))
     found = np.linalg.pinv((fitted.normal - prior) / unit + prior)
     R = len(fitted.parts)
     # Where a joint drifts each recording has values of its own, which go with it.
@@ -86,21 +90,21 @@ def covariance(search: Search, fitted: Fitted, own_error: bool = True) -> np.nda
     return found + (R - 1) / R * change.T @ change
 
 
-def values_measured(search: Search) -> int:
+def values_measured(problem: HistoryProblem) -> int:
     """Number of samples that a residual is taken of."""
-    return int(np.count_nonzero(np.asarray(search.data.weight)))
+    return int(np.count_nonzero(np.asarray(problem.data.weight)))
 
 
-def left_by_noise(search: Search) -> float:
+def left_by_noise(problem: HistoryProblem) -> float:
     """Squared residual that the sensors' noise alone leaves.
 
     Weights allow for errors of the model too, so that it is less than the number of samples.
     """
-    weight = np.asarray(search.data.weight)
-    return float(np.sum((OF_NOISE * search.noise * weight) ** 2))
+    weight = np.asarray(problem.data.weight)
+    return float(np.sum((OF_NOISE * problem.noise * weight) ** 2))
 
 
-def scale(search: Search, fitted: Fitted, unsure: float = 0.0) -> float:
+def scale(problem: HistoryProblem, fitted: HypothesisFit, unsure: float = 0.0) -> float:
     """What differences of squares between rivals of a fit are to be divided by.
 
     What exceeds the noise is the model's own error. It goes a few ways only, an amplitude and a
@@ -109,24 +113,24 @@ def scale(search: Search, fitted: Fitted, unsure: float = 0.0) -> float:
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         That it was fitted with.
-    fitted : Fitted
+    fitted : HypothesisFit
         The best model.
     unsure : float
         Share of the noise's square that may be error of the model as well.
     """
-    table = evidence(search, [fitted])
-    error = float(fitted.misfit.sum()) - (1.0 - unsure) * left_by_noise(search)
-    return max(table.temperature * table.tau, 1.0 + error / _ways(search))
+    table = evidence(problem, [fitted])
+    error = float(fitted.misfit.sum()) - (1.0 - unsure) * left_by_noise(problem)
+    return max(table.temperature * table.tau, 1.0 + error / _ways(problem))
 
 
-def _ways(search: Search) -> int:
+def _ways(problem: HistoryProblem) -> int:
     """In how many an error of the model's own goes: amplitude and phase of modes in recordings."""
-    return 2 * search.predictor.kept * search.recordings
+    return 2 * problem.predictor.kept * problem.recordings
 
 
-def unknowns(fitted: Fitted) -> int:
+def unknowns(fitted: HypothesisFit) -> int:
     """Number of values fitted beyond those of the joints as given."""
     hypothesis = fitted.hypothesis
     own = sum(hypothesis.sizes) + sum(hypothesis.shapes)

@@ -9,10 +9,10 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.discrepancy.histories import kernels as sensitivity
+from iwanjax.discrepancy.histories import kernels as kernels
 from iwanjax.discrepancy.histories.kernels import Joint
 from iwanjax.discrepancy.histories.predictor import Predictor, Suspects
-from iwanjax.discrepancy.histories.problem import Hypothesis, Search
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
 
 # Kernels that run at once, of one hypothesis each: as many to a kernel are no quicker together.
 # Derivatives come in as many parts, so that no core waits for a hypothesis on its own.
@@ -21,7 +21,7 @@ _THREADS = 2
 _Found = TypeVar("_Found")
 
 
-class Seen(NamedTuple):
+class Linearisation(NamedTuple):
     """Residuals at some values, recording by recording.
 
     Attributes
@@ -45,7 +45,7 @@ class Seen(NamedTuple):
     slopes: np.ndarray
 
     @classmethod
-    def of(cls, residual: np.ndarray, slopes: np.ndarray) -> "Seen":
+    def of(cls, residual: np.ndarray, slopes: np.ndarray) -> "Linearisation":
         """What least squares needs of residuals and derivatives."""
         e, J = residual.reshape(len(residual), -1), slopes.reshape(*slopes.shape[:2], -1)
         # A run that breaks down may have derivatives beyond all bounds; no step is taken there.
@@ -53,7 +53,7 @@ class Seen(NamedTuple):
             moment, normal = (J @ e[:, :, None])[:, :, 0], J @ np.swapaxes(J, 1, 2)
         return cls(np.einsum("rn,rn->r", e, e), moment, normal, residual, slopes)
 
-    def beside(self, move: np.ndarray, residual: np.ndarray) -> "Seen":
+    def beside(self, move: np.ndarray, residual: np.ndarray) -> "Linearisation":
         r"""What is seen after a move, derivatives corrected only by what it has shown.
 
         .. math:: J' = J + \frac{(\Delta e - J u)(Wu)^T}{u^T W u},
@@ -75,84 +75,88 @@ class Seen(NamedTuple):
         e = residual.reshape(R, -1)
         surprise = e - self.residual.reshape(R, -1) - (move[:, None] @ J)[:, 0]
         J = J + share[:, :, None] * surprise[:, None]
-        return Seen.of(residual, J.reshape(self.slopes.shape))
+        return Linearisation.of(residual, J.reshape(self.slopes.shape))
 
 
-def evaluate(
-    search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
-) -> list[Seen]:
+def linearise(
+    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
+) -> list[Linearisation]:
     """Residuals and their derivatives, for (hypothesis, theta of each recording)."""
-    if not lanes:
+    if not points:
         return []
-    gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles)
-    values = lanes[0][1].shape[1]
+    gains = problem.gains([h.suspects for h, _ in points], _means(points), time_constant)
+    values = points[0][1].shape[1]
     size = math.ceil(values / _THREADS)
     # All parts are of one size, for one kernel.
     ways = np.eye(_THREADS * size, values)
-    turned = np.zeros((len(lanes), len(ways), *gains.gain.shape[1:]))
+    turned = np.zeros((len(points), len(ways), *gains.gain.shape[1:]))
     turned[:, : gains.slope.shape[1]] = gains.slope
 
-    J = np.empty((len(lanes), search.recordings, len(ways), *search.data.response.shape[1:]))
+    J = np.empty((len(points), problem.recordings, len(ways), *problem.data.response.shape[1:]))
 
     def run(i: int) -> np.ndarray:
-        lane, part = i // _THREADS, slice(i % _THREADS * size, (i % _THREADS + 1) * size)
-        fixed = _fixed(search, *lanes[lane])
-        along = jax.device_put((ways[part], gains.gain[lane], turned[lane, part]))
-        e, J[lane, :, part] = sensitivity.slopes(*fixed, *along, search.data)
+        point, part = i // _THREADS, slice(i % _THREADS * size, (i % _THREADS + 1) * size)
+        fixed = _fixed(problem, *points[point])
+        along = jax.device_put((ways[part], gains.gain[point], turned[point, part]))
+        e, J[point, :, part] = kernels.slopes(*fixed, *along, problem.data)
         return np.asarray(e)
 
-    slots = lanes[0][0].suspects.row.shape[0]
-    found = _each(search, ("slopes", slots), _THREADS * len(lanes), run)
-    return [Seen.of(e, own[:, :values]) for e, own in zip(found[::_THREADS], J, strict=True)]
+    slots = points[0][0].suspects.row.shape[0]
+    found = _each(problem, ("slopes", slots), _THREADS * len(points), run)
+    return [
+        Linearisation.of(e, own[:, :values]) for e, own in zip(found[::_THREADS], J, strict=True)
+    ]
 
 
-def glance(
-    search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
+def residuals_at(
+    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
 ) -> list[np.ndarray]:
     """Residuals alone, for a tenth of the price."""
-    return [residual for residual, _ in _glanced(search, lanes, cycles)]
+    return [residual for residual, _ in _residuals(problem, points, time_constant)]
 
 
 def innovations(
-    search: Search, hypothesis: Hypothesis, theta: np.ndarray, cycles: float
+    problem: HistoryProblem, hypothesis: Hypothesis, theta: np.ndarray, time_constant: float
 ) -> np.ndarray:
     """Measured less predicted, (recordings, N, sensors): all frequencies, no weights."""
-    return _glanced(search, [(hypothesis, theta)], cycles)[0][1]
+    return _residuals(problem, [(hypothesis, theta)], time_constant)[0][1]
 
 
-def _glanced(
-    search: Search, lanes: Sequence[tuple[Hypothesis, np.ndarray]], cycles: float
+def _residuals(
+    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    if not lanes:
+    if not points:
         return []
-    gains = search.gains([h.suspects for h, _ in lanes], _means(lanes), cycles, slopes=False).gain
+    gains = problem.gains(
+        [h.suspects for h, _ in points], _means(points), time_constant, slopes=False
+    ).gain
 
     def run(i: int) -> tuple[np.ndarray, np.ndarray]:
-        fixed = _fixed(search, *lanes[i])
-        found = sensitivity.residuals(*fixed, gains[i], search.data)
+        fixed = _fixed(problem, *points[i])
+        found = kernels.residuals(*fixed, gains[i], problem.data)
         return np.asarray(found[0]), np.asarray(found[1])
 
-    slots = lanes[0][0].suspects.row.shape[0]
-    return _each(search, ("residuals", slots), len(lanes), run)
+    slots = points[0][0].suspects.row.shape[0]
+    return _each(problem, ("residuals", slots), len(points), run)
 
 
-def _means(lanes: Sequence[tuple[Hypothesis, np.ndarray]]) -> np.ndarray:
-    return np.stack([theta.mean(axis=0) for _, theta in lanes])
+def _means(points: Sequence[tuple[Hypothesis, np.ndarray]]) -> np.ndarray:
+    return np.stack([theta.mean(axis=0) for _, theta in points])
 
 
 def _fixed(
-    search: Search, hypothesis: Hypothesis, theta: np.ndarray
+    problem: HistoryProblem, hypothesis: Hypothesis, theta: np.ndarray
 ) -> tuple[Predictor, tuple[Joint, ...], Suspects, Array]:
-    return search.predictor, search.joints, hypothesis.suspects, jax.device_put(theta)
+    return problem.predictor, problem.joints, hypothesis.suspects, jax.device_put(theta)
 
 
 def _each(
-    search: Search, kernel: tuple[str, int], count: int, run: Callable[[int], _Found]
+    problem: HistoryProblem, kernel: tuple[str, int], count: int, run: Callable[[int], _Found]
 ) -> list[_Found]:
     """All jobs side by side; the first alone while a kernel is compiled: two would both do it."""
-    made = (*kernel, search.data.response.shape[1])
-    alone = 0 if made in search.compiled else 1
+    made = (*kernel, problem.data.response.shape[1])
+    alone = 0 if made in problem.compiled else 1
     found = [run(i) for i in range(alone)]
-    search.compiled.add(made)
+    problem.compiled.add(made)
     with ThreadPoolExecutor(_THREADS) as pool:
         return [*found, *pool.map(run, range(alone, count))]

@@ -8,9 +8,9 @@ import numpy as np
 
 from iwanjax.discrepancy.histories.kernels import Joint, joints_of, located
 from iwanjax.discrepancy.histories.likelihood import scale
-from iwanjax.discrepancy.histories.linearise import glance
-from iwanjax.discrepancy.histories.multistart import Fitted, moved
-from iwanjax.discrepancy.histories.problem import Search
+from iwanjax.discrepancy.histories.linearise import residuals_at
+from iwanjax.discrepancy.histories.multistart import HypothesisFit, moved
+from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.joints import Iwan4
 
 # Logarithms of the deflections at which macroslip may begin, over that of the fit: the steps
@@ -37,18 +37,18 @@ class Alternative(NamedTuple):
     weight: float
 
 
-def in_the_middle(search: Search, fitted: Fitted) -> Fitted:
+def in_the_middle(problem: HistoryProblem, fitted: HypothesisFit) -> HypothesisFit:
     """The fit with each joint's macroslip at the median of where it may begin.
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         That it was fitted with.
-    fitted : Fitted
+    fitted : HypothesisFit
         The model.
     """
-    change = np.zeros(search.parameters)
-    for own in _by_joint(search, fitted):
+    change = np.zeros(problem.parameters)
+    for own in _by_joint(problem, fitted):
         left = 0.5
         # From the farthest on: below half of all probability lies the median.
         for other in reversed(own):
@@ -56,10 +56,10 @@ def in_the_middle(search: Search, fitted: Fitted) -> Fitted:
             if left < 0 and other.farther > 0:
                 change += other.change
                 break
-    return moved(search, fitted, change) if np.any(change) else fitted
+    return moved(problem, fitted, change) if np.any(change) else fitted
 
 
-def alternatives(search: Search, fitted: Fitted) -> list[Alternative]:
+def alternatives(problem: HistoryProblem, fitted: HypothesisFit) -> list[Alternative]:
     """Joints whose macroslip begins elsewhere, and how likely they are.
 
     While no slider of a four-parameter joint's last, strongest ones has moved, only K_T, chi and
@@ -69,20 +69,20 @@ def alternatives(search: Search, fitted: Fitted) -> list[Alternative]:
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         That it was fitted with.
-    fitted : Fitted
+    fitted : HypothesisFit
         The model.
     """
-    return [each for own in _by_joint(search, fitted) for each in own]
+    return [each for own in _by_joint(problem, fitted) for each in own]
 
 
-def _by_joint(search: Search, fitted: Fitted) -> list[list[Alternative]]:
+def _by_joint(problem: HistoryProblem, fitted: HypothesisFit) -> list[list[Alternative]]:
     """Alternatives of each joint that has some, the nearest macroslip first."""
-    p = search.parameters
+    p = problem.parameters
     z = fitted.theta.mean(axis=0)[:p]
-    made, first, found = joints_of(search.joints, jax.device_put(z)), 0, []
-    for fit, joint in zip(made, search.joints, strict=True):
+    made, first, found = joints_of(problem.joints, jax.device_put(z)), 0, []
+    for fit, joint in zip(made, problem.joints, strict=True):
         count = len(joint.given.parameters)
         own = slice(first, first + count)
         first += count
@@ -95,7 +95,7 @@ def _by_joint(search: Search, fitted: Fitted) -> list[list[Alternative]]:
                 changes[farther] = np.zeros(p)
                 changes[farther][own] = there - z[own]
         slope = changes.pop(-_LITTLE) / -_LITTLE
-        found.append(_weighed(search, fitted, changes, slope))
+        found.append(_weighed(problem, fitted, changes, slope))
     return found
 
 
@@ -119,7 +119,10 @@ def _beyond(joint: Joint, fit: Iwan4, z: np.ndarray, farther: float) -> np.ndarr
 
 
 def _weighed(
-    search: Search, fitted: Fitted, changes: dict[float, np.ndarray], slope: np.ndarray
+    problem: HistoryProblem,
+    fitted: HypothesisFit,
+    changes: dict[float, np.ndarray],
+    slope: np.ndarray,
 ) -> list[Alternative]:
     """Each with its probability, the fit itself being among them.
 
@@ -128,15 +131,15 @@ def _weighed(
     """
     if not changes:
         return []
-    p = search.parameters
-    lanes = []
+    p = problem.parameters
+    points = []
     for change in changes.values():
         theta = fitted.theta.copy()
         theta[:, :p] += change
-        lanes.append((fitted.hypothesis, theta))
+        points.append((fitted.hypothesis, theta))
     z = fitted.theta.mean(axis=0)[:p]
-    misfit = [float(np.sum(e**2)) for e in glance(search, lanes, fitted.cycles)]
-    unit = scale(search, fitted)
+    misfit = [float(np.sum(e**2)) for e in residuals_at(problem, points, fitted.time_constant)]
+    unit = scale(problem, fitted)
     worse = (np.array(misfit) - fitted.misfit.sum()) / unit
     prior = np.array([(z + change) @ (z + change) - z @ z for change in changes.values()])
     # At most as likely as the fit: where it is not the best, that is a peak of no width.

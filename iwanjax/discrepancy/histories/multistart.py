@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from iwanjax.discrepancy.histories.levenberg_marquardt import Lane, begun, resumed
-from iwanjax.discrepancy.histories.linearise import evaluate, glance
-from iwanjax.discrepancy.histories.problem import Hypothesis, Search, Start, Variant
+from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, begun, resumed
+from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start, Variant
 
-SHORT = 2.0
+SHORT_TIME_CONSTANT = 2.0
 """The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""
 # Steps before a search may be given up, and before it may be for the root of the factor.
 _HEAD_START, _LATE = 3, 6
@@ -19,7 +19,7 @@ _ALIKE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class HypothesisFit:
     """A hypothesis fitted to the recordings.
 
     Attributes
@@ -44,7 +44,7 @@ class Fitted:
         Their parts of its gradient.
     residual : (recordings, N, sensors) array
         Weighted innovations.
-    cycles : float
+    time_constant : float
         Memory of the observer; infinity for the free run.
     converged : bool
         Whether the search ended by itself.
@@ -62,7 +62,7 @@ class Fitted:
     parts: np.ndarray = field(repr=False)
     scores: np.ndarray = field(repr=False)
     residual: np.ndarray = field(repr=False)
-    cycles: float
+    time_constant: float
     converged: bool
     values: int
 
@@ -72,18 +72,18 @@ class Fitted:
         return Start(self.hypothesis, self.theta[:, : self.values])
 
 
-def foreseen(search: Search, starts: Sequence[Start], cycles: float) -> list[float]:
+def foreseen(problem: HistoryProblem, starts: Sequence[Start], time_constant: float) -> list[float]:
     """Costs that one full step would reach, were residuals linear in what is fitted.
 
     What a suspect promises, for the price of one evaluation.
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         Predictor and data.
     starts : sequence of Start
         Hypotheses and where they are linearised.
-    cycles : float
+    time_constant : float
         Memory of the observer.
 
     Returns
@@ -91,32 +91,32 @@ def foreseen(search: Search, starts: Sequence[Start], cycles: float) -> list[flo
     list of float
         Infinite where the model breaks down.
     """
-    return [lane.foreseen for lane in begun(search, starts, cycles)]
+    return [descent.foreseen for descent in begun(problem, starts, time_constant)]
 
 
-def fit_all(
-    search: Search,
+def multistart(
+    problem: HistoryProblem,
     starts: Sequence[Start],
-    cycles: float,
+    time_constant: float,
     steps: int,
     *,
     tolerance: float = 1e-3,
-    race: float = math.inf,
+    give_up: float = math.inf,
     best: float = math.inf,
     at_most: int | None = None,
     in_time: Callable[[], bool] = lambda: True,
-) -> list[Fitted]:
+) -> list[HypothesisFit]:
     """Levenberg-Marquardt from many starts, in step.
 
     The state after each pulse is free within what the force's noise allows.
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         Predictor and data.
     starts : sequence of Start
         Hypotheses and where to begin.
-    cycles : float
+    time_constant : float
         Memory of the observer.
     steps : int
         At most.
@@ -138,47 +138,51 @@ def fit_all(
     """
     if not starts:
         return []
-    lanes = begun(search, starts, cycles)
+    descents = begun(problem, starts, time_constant)
     for step in range(steps):
         if not in_time():
             break
         if step >= _HEAD_START:
-            best = min(best, *(lane.cost for lane in lanes))
-            within = race if step < _LATE else math.sqrt(race)
-            for place, lane in enumerate(sorted(lanes, key=lambda each: each.cost)):
+            best = min(best, *(descent.cost for descent in descents))
+            within = give_up if step < _LATE else math.sqrt(give_up)
+            for place, descent in enumerate(sorted(descents, key=lambda each: each.cost)):
                 ahead = at_most is None or place < at_most
-                lane.active = lane.active and ahead and lane.cost < within * best
-            _merge(lanes)
-        stale = [lane for lane in lanes if lane.active and lane.stale]
-        at = [(lane.hypothesis, lane.theta(lane.x)) for lane in stale]
-        for lane, seen in zip(stale, evaluate(search, at, cycles), strict=True):
-            lane.renewed(seen)
+                descent.active = descent.active and ahead and descent.cost < within * best
+            _merge(descents)
+        stale = [descent for descent in descents if descent.active and descent.stale]
+        at = [(descent.hypothesis, descent.theta(descent.x)) for descent in stale]
+        for descent, seen in zip(stale, linearise(problem, at, time_constant), strict=True):
+            descent.renewed(seen)
         tried = []
-        for lane in lanes:
-            x = lane.proposed() if lane.active else None
+        for descent in descents:
+            x = descent.proposed() if descent.active else None
             if x is None:
-                lane.converged = lane.converged or lane.active
-                lane.active = False
+                descent.converged = descent.converged or descent.active
+                descent.active = False
             else:
-                tried.append((lane, x))
+                tried.append((descent, x))
         if not tried:
             break
-        tried = _bent(search, tried, cycles)
-        found = glance(search, [(lane.hypothesis, lane.theta(x)) for lane, x in tried], cycles)
-        for (lane, x), residual in zip(tried, found, strict=True):
-            lane.tried(x, residual, tolerance)
-    return [_fitted(lane, cycles) for lane in lanes]
+        tried = _bent(problem, tried, time_constant)
+        found = residuals_at(
+            problem, [(descent.hypothesis, descent.theta(x)) for descent, x in tried], time_constant
+        )
+        for (descent, x), residual in zip(tried, found, strict=True):
+            descent.tried(x, residual, tolerance)
+    return [_fitted(descent, time_constant) for descent in descents]
 
 
-def _merge(lanes: Sequence[Lane]) -> None:
+def _merge(descents: Sequence[Descent]) -> None:
     """Of searches of one hypothesis that predict the same by now only the best goes on."""
-    best: dict[Variant, list[Lane]] = {}
-    for lane in sorted(lanes, key=lambda each: each.cost):
-        ahead = best.setdefault(lane.hypothesis.variant, [])
-        if lane.active and any(alike(lane.seen.residual, each.seen.residual) for each in ahead):
-            lane.active = False
+    best: dict[Variant, list[Descent]] = {}
+    for descent in sorted(descents, key=lambda each: each.cost):
+        ahead = best.setdefault(descent.hypothesis.variant, [])
+        if descent.active and any(
+            alike(descent.seen.residual, each.seen.residual) for each in ahead
+        ):
+            descent.active = False
         else:
-            ahead.append(lane)
+            ahead.append(descent)
 
 
 def alike(one: np.ndarray, other: np.ndarray) -> bool:
@@ -188,44 +192,51 @@ def alike(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 def _bent(
-    search: Search, tried: Sequence[tuple[Lane, np.ndarray]], cycles: float
-) -> list[tuple[Lane, np.ndarray]]:
+    problem: HistoryProblem, tried: Sequence[tuple[Descent, np.ndarray]], time_constant: float
+) -> list[tuple[Descent, np.ndarray]]:
     """Steps of searches that a straight step has failed, bent along their valleys."""
-    where = [(lane.hypothesis, lane.theta(lane.glimpse(x))) for lane, x in tried if lane.bent]
-    seen = iter(glance(search, where, cycles))
-    return [(lane, lane.along_the_valley(x, next(seen)) if lane.bent else x) for lane, x in tried]
+    where = [
+        (descent.hypothesis, descent.theta(descent.glimpse(x)))
+        for descent, x in tried
+        if descent.bent
+    ]
+    seen = iter(residuals_at(problem, where, time_constant))
+    return [
+        (descent, descent.along_the_valley(x, next(seen)) if descent.bent else x)
+        for descent, x in tried
+    ]
 
 
-def moved(search: Search, fitted: Fitted, change: np.ndarray) -> Fitted:
+def moved(problem: HistoryProblem, fitted: HypothesisFit, change: np.ndarray) -> HypothesisFit:
     """A fit with other joints and everything else as it was, and what is seen there.
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         That it was fitted with.
-    fitted : Fitted
+    fitted : HypothesisFit
         To start from.
     change : (parameters,) array
         Of z.
     """
-    lane = resumed(search, fitted.start, fitted.x, change, fitted.cycles)
-    lane.converged = fitted.converged
-    return _fitted(lane, fitted.cycles)
+    descent = resumed(problem, fitted.start, fitted.x, change, fitted.time_constant)
+    descent.converged = fitted.converged
+    return _fitted(descent, fitted.time_constant)
 
 
-def _fitted(lane: Lane, cycles: float) -> Fitted:
-    return Fitted(
-        lane.hypothesis,
-        lane.theta(lane.x),
-        lane.x,
-        lane.seen.misfit,
-        lane.cost,
-        lane.normal,
-        lane.layout.precision,
-        lane.parts,
-        lane.scores,
-        lane.seen.residual,
-        cycles,
-        lane.converged,
-        lane.joints + 2 * len(lane.hypothesis.sizes),
+def _fitted(descent: Descent, time_constant: float) -> HypothesisFit:
+    return HypothesisFit(
+        descent.hypothesis,
+        descent.theta(descent.x),
+        descent.x,
+        descent.seen.misfit,
+        descent.cost,
+        descent.normal,
+        descent.layout.precision,
+        descent.parts,
+        descent.scores,
+        descent.seen.residual,
+        time_constant,
+        descent.converged,
+        descent.joints + 2 * len(descent.hypothesis.sizes),
     )

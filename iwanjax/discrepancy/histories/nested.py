@@ -8,15 +8,22 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind, SensorKind
-from iwanjax.discrepancy.histories import hypotheses as suspicion
+from iwanjax.discrepancy.histories import hypotheses as hypotheses
 from iwanjax.discrepancy.histories.kernels import joints_of
-from iwanjax.discrepancy.histories.multistart import SHORT, fit_all
-from iwanjax.discrepancy.histories.problem import Search, Start
-from iwanjax.discrepancy.histories.ranking import MIDDLE, STEPS, Entry, Grounds, cost_of, distinct
+from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
+from iwanjax.discrepancy.histories.ranking import (
+    STEPS,
+    TIME_CONSTANT,
+    RankedFit,
+    Scope,
+    cost_of,
+    distinct,
+)
 from iwanjax.joints import Iwan4
 
 # Times the cost of what they are limits of from which on they are given up.
-_RACE = 1.5
+_GIVE_UP = 1.5
 
 
 class _Law(NamedTuple):
@@ -26,7 +33,9 @@ class _Law(NamedTuple):
     shape: float
 
 
-def with_limits(search: Search, entries: list[Entry], grounds: Grounds) -> list[Entry]:
+def with_nested_laws(
+    problem: HistoryProblem, entries: list[RankedFit], scope: Scope
+) -> list[RankedFit]:
     """Of the best entry's kinds each with its limits in its place, refitted from there.
 
     On its own a slider may end in a local minimum where a joint, which has it for a limit, does
@@ -34,11 +43,11 @@ def with_limits(search: Search, entries: list[Entry], grounds: Grounds) -> list[
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         Without a joint left out.
-    entries : list of Entry
+    entries : list of RankedFit
         The best first.
-    grounds : Grounds
+    scope : Scope
         What may be suspected.
 
     Returns
@@ -46,71 +55,73 @@ def with_limits(search: Search, entries: list[Entry], grounds: Grounds) -> list[
     list of Entry
         The same and what was found, the one that fits best first.
     """
-    starts = list(_simpler(search, entries[0], grounds)) if entries else []
-    if not starts or not grounds.in_time():
+    starts = list(_simpler(problem, entries[0], scope)) if entries else []
+    if not starts or not scope.in_time():
         return entries
-    grounds.progress("refitting simpler kinds")
+    scope.progress("refitting simpler kinds")
     found = list(entries)
-    for own in dict.fromkeys([search, entries[0].search]):
+    for own in dict.fromkeys([problem, entries[0].problem]):
         some = [start for each, start in starts if each is own]
-        for cycles in (SHORT, MIDDLE):
-            fits = fit_all(
+        for time_constant in (SHORT_TIME_CONSTANT, TIME_CONSTANT):
+            fits = multistart(
                 own,
                 some,
-                cycles,
+                time_constant,
                 STEPS,
-                race=_RACE,
+                give_up=_GIVE_UP,
                 best=cost_of(entries[0]),
-                in_time=grounds.in_time,
+                in_time=scope.in_time,
             )
-            best_of_each = distinct([Entry(own, each) for each in fits])
+            best_of_each = distinct([RankedFit(own, each) for each in fits])
             some = [entry.fitted.start for entry in best_of_each]
         found += best_of_each
     return distinct(found)
 
 
-def _simpler(search: Search, entry: Entry, grounds: Grounds) -> Iterator[tuple[Search, Start]]:
+def _simpler(
+    problem: HistoryProblem, entry: RankedFit, scope: Scope
+) -> Iterator[tuple[HistoryProblem, Start]]:
     """The entry with one kind's limit in its place, and the search that takes it."""
     hypothesis, start = entry.fitted.hypothesis, entry.fitted.start
     for slot, kind in enumerate(hypothesis.kinds):
         names = getattr(kind, "limits", ())
         # Without the joint that was left out its parameters, the last ones, go.
-        own = search if isinstance(kind, JointKind) else entry.search
-        z, others = start.common[: own.parameters], start.common[entry.search.parameters :]
+        own = problem if isinstance(kind, JointKind) else entry.problem
+        z, others = start.common[: own.parameters], start.common[entry.problem.parameters :]
         there = start._replace(theta=np.concatenate([z, others]))
-        parts = [suspicion.alone(own, there, i) for i in range(len(hypothesis.kinds))]
-        for limit in grounds.kinds:
+        parts = [hypotheses.alone(own, there, i) for i in range(len(hypothesis.kinds))]
+        for limit in scope.kinds:
             if limit.name in names:
-                for one in _starts(own, entry, slot, limit, grounds, z):
-                    yield own, suspicion.joined(own, [*parts[:slot], one, *parts[slot + 1 :]])
+                for one in _starts(own, entry, slot, limit, scope, z):
+                    yield own, hypotheses.joined(own, [*parts[:slot], one, *parts[slot + 1 :]])
 
 
 def _starts(
-    own: Search, entry: Entry, slot: int, limit: Kind, grounds: Grounds, z: np.ndarray
+    own: HistoryProblem, entry: RankedFit, slot: int, limit: Kind, scope: Scope, z: np.ndarray
 ) -> list[Start]:
     """Where to begin with a limit alone, the joints at z."""
     where = entry.fitted.hypothesis.where[slot]
     if isinstance(limit, SensorKind):
-        which = grounds.sensors.index(where)
-        return [suspicion.sensor(own, limit, which, where, z, 0.0)]
+        which = scope.sensors.index(where)
+        return [hypotheses.sensor(own, limit, which, where, z, 0.0)]
     if isinstance(limit, ForceKind):
-        row = next(place.row for place in grounds.places if place.label == where)
+        row = next(place.row for place in scope.places if place.label == where)
         laws = _laws(entry, slot, limit)
-        return [suspicion.force(own, limit, where, row, z, *law) for law in laws]
+        return [hypotheses.force(own, limit, where, row, z, *law) for law in laws]
     return []
 
 
-def _laws(entry: Entry, slot: int, limit: ForceKind) -> list[_Law]:
+def _laws(entry: RankedFit, slot: int, limit: ForceKind) -> list[_Law]:
     """What a limit may be to begin with, by what the whole has become."""
-    kind, search = entry.fitted.hypothesis.kinds[slot], entry.search
+    kind, problem = entry.fitted.hypothesis.kinds[slot], entry.problem
     theta = entry.fitted.start.common
     if isinstance(kind, JointKind):
-        joint = joints_of(search.joints, jax.device_put(theta[: search.parameters]))[-1]
+        joint = joints_of(problem.joints, jax.device_put(theta[: problem.parameters]))[-1]
         assert isinstance(joint, Iwan4)
         F_S, K_T = float(joint.F_S), float(joint.K_T)
         slips = (F_S / K_T, float(joint.phi_max)) if limit.shape else (1.0,)
         return [_Law(K_T, slip) for slip in slips]
-    size, shape = theta[search.parameters + 2 * slot : search.parameters + 2 * slot + 2]
+    size, shape = theta[problem.parameters + 2 * slot : problem.parameters + 2 * slot + 2]
     assert isinstance(kind, ForceKind)
     value = entry.fitted.hypothesis.scales[slot] * (math.exp(size) if kind.positive else size)
     # A spring and damper in series that hardly relaxes is a spring; one that does, a damper.

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from iwanjax.discrepancy.histories.recordings import _ENOUGH, _SPOILT, Transient, _before
+from iwanjax.discrepancy.histories.recordings import ENOUGH, SPOILT, StudyRecording, before_force
 from iwanjax.signals.comparison_band import END
 
 # Segments of a spectrum that noise is told by, samples; bands up to the highest frequency that is
@@ -19,7 +19,7 @@ _SEGMENT, _BANDS, _VALUES = 1024, 20, 50
 _OTHER_NOISE = 4.6
 
 
-def common_noise(recordings: Sequence[Transient]) -> np.ndarray:
+def common_noise(recordings: Sequence[StudyRecording]) -> np.ndarray:
     """Standard deviation of each sensor's noise over all recordings, held-out ones as well.
 
     Some dozens of samples before a trigger leave a deviation open by a tenth, and with it how
@@ -27,7 +27,7 @@ def common_noise(recordings: Sequence[Transient]) -> np.ndarray:
 
     Parameters
     ----------
-    recordings : sequence of Transient
+    recordings : sequence of StudyRecording
         All with the same sensors.
 
     Returns
@@ -36,7 +36,7 @@ def common_noise(recordings: Sequence[Transient]) -> np.ndarray:
         NaN where nothing was measured before a force, or recordings differ: a range that was
         switched between them.
     """
-    quiet = [each.quiet for each in recordings if len(each.quiet) >= _ENOUGH]
+    quiet = [each.quiet for each in recordings if len(each.quiet) >= ENOUGH]
     if not quiet:
         return np.full(recordings[0].response.shape[1], np.nan)
     variances = np.stack([np.var(each, axis=0, ddof=1) for each in quiet])
@@ -45,7 +45,7 @@ def common_noise(recordings: Sequence[Transient]) -> np.ndarray:
     return np.where(alike, np.sqrt(freedoms @ variances / freedoms.sum()), np.nan)
 
 
-def _quietest(response: np.ndarray) -> np.ndarray:
+def quietest(response: np.ndarray) -> np.ndarray:
     r"""Noise of sensors that are never at rest, by where the structure moves them least.
 
     .. math:: \sigma^2 = \tfrac{1}{2} f_s \min_B S_B
@@ -63,11 +63,11 @@ def _quietest(response: np.ndarray) -> np.ndarray:
     return np.sqrt(0.5 * np.min(found, axis=0))
 
 
-def _noise(response: np.ndarray, first: int) -> np.ndarray:
+def noise_of(response: np.ndarray, first: int) -> np.ndarray:
     """Of the sensors before the first force; else of third differences at the end."""
-    before = _before(response, first)
-    if len(before) >= _ENOUGH:
+    before = before_force(response, first)
+    if len(before) >= ENOUGH:
         return np.std(before, axis=0, ddof=1)
-    tail = response[-max(len(response) // 8, _ENOUGH + _SPOILT) : -_SPOILT]
+    tail = response[-max(len(response) // 8, ENOUGH + SPOILT) : -SPOILT]
     # Third differences of white noise have twenty times its variance.
     return np.std(np.diff(tail, 3, axis=0), axis=0) / np.sqrt(20.0)

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.histories.problem import Search
-from iwanjax.discrepancy.histories.validation import Free
-from iwanjax.discrepancy.observables import _CLEAR, _LEVELS, Observable
+from iwanjax.discrepancy.histories.problem import HistoryProblem
+from iwanjax.discrepancy.histories.validation import FreeRun
+from iwanjax.discrepancy.observables import CLEAR, LEVELS, Observable
 from iwanjax.errors import InputError
 from iwanjax.signals import ringdown_curves
 
@@ -19,7 +19,7 @@ _HIGHEST = 0.3
 
 
 def observables(
-    search: Search, run: Free, sampling_rate: float, released: Mapping[str, int]
+    problem: HistoryProblem, run: FreeRun, sampling_rate: float, released: Mapping[str, int]
 ) -> tuple[Observable, ...]:
     """Clear differences of a free run, the largest first.
 
@@ -28,16 +28,16 @@ def observables(
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         That the model was fitted with.
-    run : Free
+    run : FreeRun
         Of the model, against all recordings.
     sampling_rate : float
         Hz.
     released : mapping of str to int
         By recording, the sample from which on no force acts any more.
     """
-    predictor = search.predictor
+    predictor = problem.predictor
     frequency = np.sqrt(np.maximum(np.asarray(predictor.omega2), 0.0)) / (2.0 * np.pi)
     shapes = np.abs(np.asarray(predictor.sensors))
     elastic = [i for i, f in enumerate(frequency) if f > 0]
@@ -86,7 +86,7 @@ def _differences(
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     if not low < high:
         return []
-    levels = np.geomspace(low, high, _LEVELS)
+    levels = np.geomspace(low, high, LEVELS)
     found = []
     for quantity in ("frequency", "damping"):
         values, stds = [], []
@@ -98,7 +98,7 @@ def _differences(
             spread = np.zeros_like(value) if std is None else np.asarray(std)[order]
             stds.append(np.interp(levels, x[order], spread))
         off = values[1] - values[0]
-        if np.median(np.abs(off) / np.hypot(*stds).clip(1e-300)) > _CLEAR:
+        if np.median(np.abs(off) / np.hypot(*stds).clip(1e-300)) > CLEAR:
             percent = 100.0 * float(np.median(off / values[0]))
             span = (float(low), float(high))
             found.append(Observable(name, mode, quantity, span, percent, called))

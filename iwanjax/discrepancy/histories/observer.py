@@ -82,7 +82,7 @@ def _solved(A: np.ndarray, B: np.ndarray) -> np.ndarray:
         return np.stack([_solved(a, b) for a, b in zip(A, B, strict=True)])
 
 
-def process_noise(step: np.ndarray, H: np.ndarray, dt: float, cycles: float) -> float:
+def process_noise(step: np.ndarray, H: np.ndarray, dt: float, time_constant: float) -> float:
     """Size of the process noise for which the observer's median pole decays by 1/cycles a cycle.
 
     A long memory (infinity: none at all, the free run) accumulates phase and has countless
@@ -92,10 +92,10 @@ def process_noise(step: np.ndarray, H: np.ndarray, dt: float, cycles: float) -> 
     ----------
     step, H, dt
         As for :func:`observer_gain`, of one system.
-    cycles : float
+    time_constant : float
         Memory.
     """
-    if math.isinf(cycles):
+    if math.isinf(time_constant):
         return 0.0
     eye = np.eye(step.shape[-1])
     low, high = _SIZES
@@ -105,7 +105,7 @@ def process_noise(step: np.ndarray, H: np.ndarray, dt: float, cycles: float) -> 
         poles = np.linalg.eigvals((eye - gain @ H) @ step)
         turns = np.maximum(np.abs(np.angle(poles)), 1e-9) / (2.0 * np.pi)
         decay = float(np.median(-np.log(np.maximum(np.abs(poles), 1e-300)) / turns))
-        if decay > 1.0 / cycles:
+        if decay > 1.0 / time_constant:
             high = middle
         else:
             low = middle
@@ -113,7 +113,7 @@ def process_noise(step: np.ndarray, H: np.ndarray, dt: float, cycles: float) -> 
 
 
 # Memory of the observer that looks back, cycles, and cycles of the slowest mode that it sees.
-_MEMORY, _SEEN = 1.0, 6.0
+_TIME_CONSTANT_BACK, _SEEN = 1.0, 6.0
 # Share of its amplitude that each mode's state may be off by, and of the fastest one's rate.
 _OFF, _LEAST = 0.3, 0.02
 
@@ -143,7 +143,7 @@ def released(
     dt = float(made.dt) * made.substeps
     A, H = made.linear(np.asarray(made.stiffness), made.blank(), np.zeros(1))
     back = stepped(-A, dt)
-    size = process_noise(back, H / noise[:, None], dt, _MEMORY)
+    size = process_noise(back, H / noise[:, None], dt, _TIME_CONSTANT_BACK)
     gain = observer_gain(back, H / noise[:, None], dt, size) / noise
     omega = np.sqrt(np.maximum(np.asarray(made.omega2), 1.0))
     count = min(len(response), int(_SEEN * 2.0 * np.pi / (omega.min() * dt)) + 1)

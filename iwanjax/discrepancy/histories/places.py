@@ -7,10 +7,10 @@ import numpy as np
 
 from iwanjax.discrepancy.effects import Scales
 from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, stepped
-from iwanjax.discrepancy.histories.problem import Search
+from iwanjax.discrepancy.histories.problem import HistoryProblem
 
 # Memory of the observer, cycles: the data, not the model, say what happened.
-_MEMORY = 1.0
+_TIME_CONSTANT_BACK = 1.0
 
 
 class Followed(NamedTuple):
@@ -26,21 +26,21 @@ class Followed(NamedTuple):
     v: np.ndarray
 
 
-def followed(search: Search) -> Followed:
+def followed(problem: HistoryProblem) -> Followed:
     """Modal states by a linear observer with a short memory, the joints at their tangents.
 
     What the model lacks is small over one cycle, so that deflections and rates come out nearly
     right whatever is missing.
     """
-    predictor = search.predictor
-    A, H = search.rest()
+    predictor = problem.predictor
+    A, H = problem.rest()
     dt = float(predictor.dt) * predictor.substeps
-    step, scaled = stepped(A, dt), H / search.noise[:, None]
-    gain = observer_gain(step, scaled, dt, process_noise(step, scaled, dt, _MEMORY))
-    gain = gain / search.noise
+    step, scaled = stepped(A, dt), H / problem.noise[:, None]
+    gain = observer_gain(step, scaled, dt, process_noise(step, scaled, dt, _TIME_CONSTANT_BACK))
+    gain = gain / problem.noise
     kept, substeps = predictor.kept, predictor.substeps
     short = stepped(A, float(predictor.dt))
-    push, y = np.asarray(search.data.push), np.asarray(search.data.response)
+    push, y = np.asarray(problem.data.push), np.asarray(problem.data.response)
     direct = np.zeros((*y.shape[:2], y.shape[2]))
     if predictor.quantity == "acceleration":
         modal = push[:, :, -1, 2 * kept : 3 * kept]
@@ -74,10 +74,12 @@ class Place:
     scales: Scales
 
 
-def places_of(search: Search, seen: Followed, rows: dict[str, np.ndarray]) -> tuple[Place, ...]:
+def places_of(
+    problem: HistoryProblem, seen: Followed, rows: dict[str, np.ndarray]
+) -> tuple[Place, ...]:
     """Places by their rows on all modes, with the largest deflection and the main period."""
-    weight = np.asarray(search.data.weight)[..., :1] > 0
-    kept = search.predictor.kept
+    weight = np.asarray(problem.data.weight)[..., :1] > 0
+    kept = problem.predictor.kept
     found = []
     for label, row in rows.items():
         d, v = (np.where(weight[..., 0], x @ row[:kept], 0.0) for x in seen)

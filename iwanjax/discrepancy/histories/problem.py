@@ -85,7 +85,7 @@ class Start(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class HistoryProblem:
     """What fits need: predictor, joints, data, and the sensors' noise for the observer.
 
     Attributes
@@ -127,7 +127,7 @@ class Search:
         """Number of recordings."""
         return self.data.response.shape[0]
 
-    def with_steps_of(self, other: "Search") -> "Search":
+    def with_steps_of(self, other: "HistoryProblem") -> "HistoryProblem":
         """These joints on the steps between samples of another search for the same data."""
         predictor = eqx.tree_at(
             lambda p: (p.joints, p.stiffness),
@@ -152,34 +152,38 @@ class Search:
         return np.hstack([rows, np.zeros((self.recordings, self.directions))])
 
     def gains(
-        self, suspects: Sequence[Suspects], theta: np.ndarray, cycles: float, slopes: bool = True
+        self,
+        suspects: Sequence[Suspects],
+        theta: np.ndarray,
+        time_constant: float,
+        slopes: bool = True,
     ) -> "Gains":
         """Observers designed for these very parameters, and how they change with them."""
         dt = float(self.predictor.dt) * self.predictor.substeps
-        lanes, values = theta.shape
-        if cycles not in self._process:
+        batch, values = theta.shape
+        if time_constant not in self._process:
             A, H = self.rest()
-            self._process[cycles] = process_noise(
-                stepped(A, dt), H / self.noise[:, None], dt, cycles
+            self._process[time_constant] = process_noise(
+                stepped(A, dt), H / self.noise[:, None], dt, time_constant
             )
-        size = self._process[cycles]
+        size = self._process[time_constant]
         states, sensors = 2 * self.predictor.kept, len(self.noise)
         found = Gains(
-            np.zeros((lanes, states, sensors)), np.zeros((lanes, values, states, sensors))
+            np.zeros((batch, states, sensors)), np.zeros((batch, values, states, sensors))
         )
         if size == 0.0:
             return found
         moved, owners = _neighbours(self, suspects, theta) if slopes else (theta[:0], [])
         rows = np.concatenate([theta, moved])
-        which = [*range(lanes), *(lane for lane, _ in owners)]
+        which = [*range(batch), *(member for member, _ in owners)]
         systems = self._systems([suspects[i] for i in which], rows)
         A, H = (np.stack(x) for x in zip(*systems, strict=True))
         broken = ~np.all(np.isfinite(A), axis=(1, 2))
         A[broken] = 0.0
         gains = observer_gain(stepped(A, dt), H / self.noise[:, None], dt, size) / self.noise
-        found.gain[:] = gains[:lanes]
-        for (lane, value), gain in zip(owners, gains[lanes:], strict=True):
-            found.slope[lane, value] = (gain - gains[lane]) / _NEAR
+        found.gain[:] = gains[:batch]
+        for (member, value), gain in zip(owners, gains[batch:], strict=True):
+            found.slope[member, value] = (gain - gains[member]) / _NEAR
         return found
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
@@ -210,13 +214,13 @@ class Search:
 
 
 class Gains(NamedTuple):
-    """Observers of some lanes.
+    """Observers of some batch.
 
     Attributes
     ----------
-    gain : (lanes, states, sensors) array
+    gain : (batch, states, sensors) array
         Of the correction after each sample.
-    slope : (lanes, values, states, sensors) array
+    slope : (batch, values, states, sensors) array
         Their derivatives.
     """
 
@@ -225,57 +229,59 @@ class Gains(NamedTuple):
 
 
 def _neighbours(
-    search: Search, suspects: Sequence[Suspects], theta: np.ndarray
+    problem: HistoryProblem, suspects: Sequence[Suspects], theta: np.ndarray
 ) -> tuple[np.ndarray, list[tuple[int, int]]]:
-    """Values beside those of each lane, along all that a linear system depends on."""
+    """Values beside those of each member, along all that a linear system depends on."""
     rows, owners = [], []
     stiff = [
         i
-        for i, info in enumerate(info for joint in search.joints for info in joint.given.parameters)
+        for i, info in enumerate(
+            info for joint in problem.joints for info in joint.given.parameters
+        )
         if info.dimension == "force/length"
     ]
-    for lane, own in enumerate(suspects):
-        sizes = [search.parameters + 2 * slot for slot in range(own.row.shape[0])]
+    for member, own in enumerate(suspects):
+        sizes = [problem.parameters + 2 * slot for slot in range(own.row.shape[0])]
         active = np.any(np.asarray(own.force) != 0, axis=1) | np.any(
             np.asarray(own.chain)[:, 0] != 0, axis=1
         )
         for value in [*stiff, *(i for i, on in zip(sizes, active, strict=True) if on)]:
-            beside = theta[lane].copy()
+            beside = theta[member].copy()
             beside[value] += _NEAR
             rows.append(beside)
-            owners.append((lane, value))
+            owners.append((member, value))
     return np.array(rows).reshape(-1, theta.shape[1]), owners
 
 
-def free_values(search: Search, hypothesis: Hypothesis) -> list[int]:
+def free_values(problem: HistoryProblem, hypothesis: Hypothesis) -> list[int]:
     """Places in theta of what is fitted and the same in all recordings."""
-    p = search.parameters
+    p = problem.parameters
     found = list(range(p))
     for slot, (size, shape) in enumerate(zip(hypothesis.sizes, hypothesis.shapes, strict=True)):
         found += [p + 2 * slot] * size + [p + 2 * slot + 1] * shape
     return found
 
 
-def elapsed(search: Search, places: Sequence[int]) -> np.ndarray:
+def elapsed(problem: HistoryProblem, places: Sequence[int]) -> np.ndarray:
     """How far a drift has come at places in the study: 0 in the first recording, 1 in the last."""
-    first, last = search.order[0], search.order[-1]
+    first, last = problem.order[0], problem.order[-1]
     return (np.asarray(places, float) - first) / max(last - first, 1)
 
 
-def rates(search: Search, hypothesis: Hypothesis) -> list[int]:
+def rates(problem: HistoryProblem, hypothesis: Hypothesis) -> list[int]:
     """Places, in what is fitted, of how far the values that drift go in all."""
     if hypothesis.drifting is None:
         return []
-    first = len(free_values(search, hypothesis)) + search.recordings * search.directions
+    first = len(free_values(problem, hypothesis)) + problem.recordings * problem.directions
     # Each is followed by how far the later recordings are off the line.
     return [
-        first + i * search.recordings
-        for i in range(len(drifting_values(search, hypothesis.drifting)))
+        first + i * problem.recordings
+        for i in range(len(drifting_values(problem, hypothesis.drifting)))
     ]
 
 
-def drifting_values(search: Search, joint: int) -> list[int]:
+def drifting_values(problem: HistoryProblem, joint: int) -> list[int]:
     """Places in theta of what drifts in a joint."""
-    first = sum(len(each.given.parameters) for each in search.joints[:joint])
-    names = [info.name for info in search.joints[joint].given.parameters]
+    first = sum(len(each.given.parameters) for each in problem.joints[:joint])
+    names = [info.name for info in problem.joints[joint].given.parameters]
     return [first + names.index(name) for name in _DRIFTING if name in names]

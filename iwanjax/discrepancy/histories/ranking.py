@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.evidence import INDULGENCE, LEAST_GAIN
+from iwanjax.discrepancy.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
 from iwanjax.discrepancy.histories.likelihood import UNSURE, Evidence, evidence, scale
-from iwanjax.discrepancy.histories.multistart import Fitted, fit_all
+from iwanjax.discrepancy.histories.multistart import HypothesisFit, multistart
 from iwanjax.discrepancy.histories.places import Place
-from iwanjax.discrepancy.histories.problem import Search
-from iwanjax.discrepancy.histories.score_test import Candidate, screen
+from iwanjax.discrepancy.histories.problem import HistoryProblem
+from iwanjax.discrepancy.histories.score_test import Candidate, score_test
 
-MIDDLE = 8.0
+TIME_CONSTANT = 8.0
 """Memory of the observer, in cycles, from which on fits are compared with one another."""
 STEPS = 12
 """Steps of a search."""
-RACE = 10.0
+GIVE_UP = 10.0
 """Times the best cost from which on a search is given up."""
 MISFIT = 1.2
 """Squared residual over the noise's from which on a suspect is not all there is."""
@@ -33,7 +33,7 @@ _MORE = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Grounds:
+class Scope:
     """What may be suspected, and how long there is time.
 
     Attributes
@@ -59,48 +59,50 @@ class Grounds:
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class RankedFit:
     """A hypothesis in the competition.
 
     Attributes
     ----------
-    search : Search
+    problem : HistoryProblem
         That fits it.
-    fitted : Fitted
+    fitted : HypothesisFit
         As far as it got.
     behind : float
         Log evidence less that of the best of its last round.
     """
 
-    search: Search
-    fitted: Fitted
+    problem: HistoryProblem
+    fitted: HypothesisFit
     behind: float = 0.0
 
 
-def screened(search: Search, base: Fitted, grounds: Grounds) -> list[Candidate]:
+def tested(problem: HistoryProblem, base: HypothesisFit, scope: Scope) -> list[Candidate]:
     """All that may be suspected beside a fit, the most promising first."""
-    known = (grounds.kinds, grounds.places, grounds.sensors, grounds.joints)
-    return screen(search, base, *known, grounds.in_time)
+    known = (scope.kinds, scope.places, scope.sensors, scope.joints)
+    return score_test(problem, base, *known, scope.in_time)
 
 
-def settled(search: Search, fitted: Fitted, grounds: Grounds) -> Fitted:
+def settled(problem: HistoryProblem, fitted: HypothesisFit, scope: Scope) -> HypothesisFit:
     """A fit, gone on with alone until its search ends by itself.
 
     What a search leaves that crept along a valley looks as if something were missing.
     """
     for _ in range(_MORE):
-        if fitted.converged or not grounds.in_time():
+        if fitted.converged or not scope.in_time():
             break
-        (fitted,) = fit_all(search, [fitted.start], fitted.cycles, STEPS, in_time=grounds.in_time)
+        (fitted,) = multistart(
+            problem, [fitted.start], fitted.time_constant, STEPS, in_time=scope.in_time
+        )
     return fitted
 
 
-def placed(entries: Sequence[Entry]) -> list[Entry]:
+def placed(entries: Sequence[RankedFit]) -> list[RankedFit]:
     """Entries of one round that did not break down, the best first, each with its distance."""
     entries = [entry for entry in entries if math.isfinite(entry.fitted.cost)]
     if not entries:
         return []
-    values = evidence(entries[0].search, [entry.fitted for entry in entries]).values
+    values = evidence(entries[0].problem, [entry.fitted for entry in entries]).values
     placed = [
         replace(entry, behind=float(value - values.max()))
         for entry, value in zip(entries, values, strict=True)
@@ -108,53 +110,53 @@ def placed(entries: Sequence[Entry]) -> list[Entry]:
     return sorted(placed, key=cost_of)
 
 
-def least(nominal: Fitted, entries: Sequence[Entry]) -> Fitted:
+def least(nominal: HypothesisFit, entries: Sequence[RankedFit]) -> HypothesisFit:
     """The best fit with the nominal one's memory."""
-    same = [e.fitted for e in entries if e.fitted.cycles == nominal.cycles]
+    same = [e.fitted for e in entries if e.fitted.time_constant == nominal.time_constant]
     return min([nominal, *same], key=lambda each: each.cost)
 
 
-def cost_of(entry: Entry) -> float:
+def cost_of(entry: RankedFit) -> float:
     """To sort by."""
     return entry.fitted.cost
 
 
-def distinct(entries: Sequence[Entry]) -> list[Entry]:
+def distinct(entries: Sequence[RankedFit]) -> list[RankedFit]:
     """Of each hypothesis the one that fits best with the longest memory, the best first."""
     found = {
         entry.fitted.hypothesis.variant: entry
-        for entry in sorted(entries, key=lambda e: (e.fitted.cycles, -cost_of(e)))
+        for entry in sorted(entries, key=lambda e: (e.fitted.time_constant, -cost_of(e)))
     }
     return sorted(found.values(), key=cost_of)
 
 
 def again(
-    entries: Sequence[Entry],
-    others: Sequence[Entry],
-    cycles: float,
-    grounds: Grounds,
-) -> list[Entry]:
+    entries: Sequence[RankedFit],
+    others: Sequence[RankedFit],
+    time_constant: float,
+    scope: Scope,
+) -> list[RankedFit]:
     """Entries refitted with another memory, those of one search side by side; then the others.
 
     The best one's search first, so that those of others need not go on for nothing.
     """
-    found: list[Entry] = []
-    groups: dict[tuple[int, int], list[Entry]] = {}
+    found: list[RankedFit] = []
+    groups: dict[tuple[int, int], list[RankedFit]] = {}
     for entry in sorted(entries, key=cost_of):
-        key = (id(entry.search), len(entry.fitted.hypothesis.sizes))
+        key = (id(entry.problem), len(entry.fitted.hypothesis.sizes))
         groups.setdefault(key, []).append(entry)
-    long = cycles > MIDDLE
+    long = time_constant > TIME_CONSTANT
     for group in groups.values():
         starts = [entry.fitted.start for entry in group]
-        fits = fit_all(
-            group[0].search,
+        fits = multistart(
+            group[0].problem,
             starts,
-            cycles,
+            time_constant,
             _POLISH if long else STEPS,
             tolerance=1e-4 if long else 1e-3,
-            race=_HOPELESS,
+            give_up=_HOPELESS,
             best=min(map(cost_of, found), default=math.inf),
-            in_time=grounds.in_time,
+            in_time=scope.in_time,
         )
         found += [replace(entry, fitted=fit) for entry, fit in zip(group, fits, strict=True)]
     return [*sorted(found, key=cost_of), *others]
@@ -170,30 +172,30 @@ _FINALISTS, _BEST_FITS, _HOPE = 3, 2, 100.0
 _NOISE = 1.0
 
 
-def finalists(base: Entry, entries: Sequence[Entry]) -> list[Entry]:
+def finalists(base: RankedFit, entries: Sequence[RankedFit]) -> list[RankedFit]:
     """The best by evidence, and those that fit best whatever else speaks against them.
 
     Rivals that are far behind stay where they are. Between a kind and its limit the free run
     decides as well: with a short memory they may differ by less than the model's own errors.
     """
-    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
-    values = evidence(base.search, [e.fitted for e in same]).values
+    same = [e for e in entries if e.fitted.time_constant == base.fitted.time_constant]
+    values = evidence(base.problem, [e.fitted for e in same]).values
     order = [same[i] for i in np.argsort(-values, kind="stable")]
     hopeful = [e for e, value in zip(same, values, strict=True) if value > values.max() - _HOPE]
     chosen = dict.fromkeys([*entries[:_FINALISTS], *order[:_BEST_FITS]])
     return [e for e in chosen if e is entries[0] or e in hopeful]
 
 
-def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
+def ranked(base: RankedFit, entries: Sequence[RankedFit]) -> tuple[RankedFit, list[RankedFit]]:
     """By evidence of fits with the same memory; those with another keep their distance."""
     if not entries:
         return base, []
-    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
-    table = evidence(base.search, [base.fitted, *(e.fitted for e in same)])
+    same = [e for e in entries if e.fitted.time_constant == base.fitted.time_constant]
+    table = evidence(base.problem, [base.fitted, *(e.fitted for e in same)])
     values = _granted(base, same, table)
     # Rivals are told apart by what the best of them leaves, its own errors included. That nothing
     # is missing is held against the noise: a poor fit is no reason to ask for more evidence.
-    noise = table.at(base.search, [base.fitted, *(e.fitted for e in same)], _NOISE)
+    noise = table.at(base.problem, [base.fitted, *(e.fitted for e in same)], _NOISE)
     strict = _granted(base, same, noise) if table.temperature > _NOISE else values
     gain = float(strict[1:].max() - strict[0]) if same else 0.0
     behind = values[1:] - values[1:].max() + min(gain, 0.0) if same else values[1:]
@@ -204,14 +206,14 @@ def ranked(base: Entry, entries: Sequence[Entry]) -> tuple[Entry, list[Entry]]:
     return base, [*sorted(first, key=lambda e: -e.behind), *left]
 
 
-def _granted(base: Entry, same: Sequence[Entry], table: Evidence) -> np.ndarray:
+def _granted(base: RankedFit, same: Sequence[RankedFit], table: Evidence) -> np.ndarray:
     """Log evidences of nothing and of entries, with what either is granted."""
     values = np.array(table.values)
     # For nothing the residual counts a little less: what the model's own errors are worth.
-    values[0] += INDULGENCE * table.worth(base.fitted)
+    values[0] += MODEL_ERROR_ALLOWANCE * table.worth(base.fitted)
     # What has simpler kinds for its limits, or is two at once, has to explain so much more.
     for i, e in enumerate(same, 1):
-        margin, simpler = INDULGENCE * table.worth(e.fitted), _simpler(e) | _alone(e)
+        margin, simpler = MODEL_ERROR_ALLOWANCE * table.worth(e.fitted), _simpler(e) | _alone(e)
         if any(
             _parts(o) in simpler and values[j] > values[i] - margin for j, o in enumerate(same, 1)
         ):
@@ -219,23 +221,23 @@ def _granted(base: Entry, same: Sequence[Entry], table: Evidence) -> np.ndarray:
     return values
 
 
-def doubted(search: Search, entries: Sequence[Entry]) -> list[Entry]:
+def doubted(problem: HistoryProblem, entries: Sequence[RankedFit]) -> list[RankedFit]:
     """The same, as far behind the best one as its own error lets them be.
 
     For nothing, which the model's own error has been granted to already, nothing changes.
     """
     best = entries[0].fitted
-    table = evidence(search, [best])
-    share = table.temperature * table.tau / scale(search, best, UNSURE)
+    table = evidence(problem, [best])
+    share = table.temperature * table.tau / scale(problem, best, UNSURE)
     return [replace(e, behind=e.behind * share) for e in entries]
 
 
-def missing(base: Entry, best: Entry) -> bool:
+def missing(base: RankedFit, best: RankedFit) -> bool:
     """Whether the evidence for the best suspect is enough against nothing."""
     return best.behind - base.behind > LEAST_GAIN
 
 
-def containing(best: Entry, entries: Sequence[Entry]) -> tuple[tuple[str, str], ...]:
+def containing(best: RankedFit, entries: Sequence[RankedFit]) -> tuple[tuple[str, str], ...]:
     """Suspects of the best entry, each with one it is a limit of and that explains as much.
 
     Both as kind@where.
@@ -248,26 +250,26 @@ def containing(best: Entry, entries: Sequence[Entry]) -> tuple[tuple[str, str], 
         ("@".join(limit), "@".join(whole))
         for e in entries
         if parts in _simpler(e)
-        and e.fitted.cycles == best.fitted.cycles
+        and e.fitted.time_constant == best.fitted.time_constant
         and e.fitted.cost < _AS_MUCH * best.fitted.cost
         for limit, whole in zip(parts - _parts(e), _parts(e) - parts, strict=True)
     )
 
 
-def _parts(entry: Entry) -> frozenset[tuple[str, str]]:
+def _parts(entry: RankedFit) -> frozenset[tuple[str, str]]:
     """What is suspected, and where."""
     hypothesis = entry.fitted.hypothesis
     names = (kind.name for kind in hypothesis.kinds)
     return frozenset(zip(names, hypothesis.where, strict=True))
 
 
-def _alone(entry: Entry) -> set[frozenset[tuple[str, str]]]:
+def _alone(entry: RankedFit) -> set[frozenset[tuple[str, str]]]:
     """Each of several suspects."""
     parts = _parts(entry)
     return {frozenset([part]) for part in parts} if len(parts) > 1 else set()
 
 
-def _simpler(entry: Entry) -> set[frozenset[tuple[str, str]]]:
+def _simpler(entry: RankedFit) -> set[frozenset[tuple[str, str]]]:
     """The same with one suspect's limit in its place."""
     parts, hypothesis = _parts(entry), entry.fitted.hypothesis
     return {

@@ -8,18 +8,18 @@ from jaxtyping import Float
 
 # A pulse reaches as far as a force exceeds so many deviations of its noise, or this share of
 # its peak, and some samples beyond; a burst of fewer samples is noise.
-_ABOVE_NOISE, _ABOVE_PEAK, _BESIDE, _FEWEST = 6.0, 1e-3, 3, 2
+_ABOVE_NOISE, _ABOVE_PEAK, BESIDE, _FEWEST = 6.0, 1e-3, 3, 2
 
 # A force whose last quarter scatters by this share of its peak never ends: it is taken as it is.
 _ALWAYS = 0.05
 
 # Samples before the first force that a sensor's noise is measured on, and those beside it that
 # a sensor's own filter may spoil.
-_ENOUGH, _SPOILT = 20, 8
+ENOUGH, SPOILT = 20, 8
 
 
 @dataclass(frozen=True, eq=False)
-class Transient:
+class StudyRecording:
     """One recording, with the force that made it or as a free decay.
 
     Parameters
@@ -45,7 +45,7 @@ class Transient:
         """Samples before any force, (n, sensors)."""
         if self.force is None:
             return self.response[:0].astype(float)
-        return _before(self.response, cleaned(self.force.astype(float)).first)
+        return before_force(self.response, cleaned(self.force.astype(float)).first)
 
     @property
     def released(self) -> int:
@@ -57,7 +57,7 @@ class Transient:
 
 
 @dataclass(frozen=True, eq=False)
-class Force:
+class CleanForce:
     """A measured force, zero outside its pulses.
 
     Attributes
@@ -79,7 +79,7 @@ class Force:
     endless: bool
 
 
-def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = _BESIDE) -> Force:
+def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = BESIDE) -> CleanForce:
     """Forces without the noise beyond so many samples beside their pulses."""
     clean, noise = np.zeros_like(force), np.zeros(force.shape[1])
     first, last, endless = len(force), 0, False
@@ -90,7 +90,7 @@ def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = _BESIDE) -> Forc
         tail = column[-(len(column) // 4) :]
         noise[i] = 1.4826 * np.median(np.abs(tail - np.median(tail)))
         acts = np.abs(column) > max(_ABOVE_NOISE * noise[i], _ABOVE_PEAK * peak)
-        acts[:1] = acts[-_SPOILT:] = False
+        acts[:1] = acts[-SPOILT:] = False
         for start, end in _runs(acts):
             part = slice(max(0, start - beside), end + beside)
             clean[part, i] = column[part]
@@ -100,7 +100,7 @@ def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = _BESIDE) -> Forc
             clean[:, i], noise[i], endless = column, 0.0, True
     if endless:
         first = last = 0
-    return Force(clean, min(first, len(force) - 1), min(last, len(force) - 1), noise, endless)
+    return CleanForce(clean, min(first, len(force) - 1), min(last, len(force) - 1), noise, endless)
 
 
 def _runs(acts: np.ndarray) -> list[tuple[int, int]]:
@@ -110,6 +110,6 @@ def _runs(acts: np.ndarray) -> list[tuple[int, int]]:
     return [(a, b) for a, b in pairs if b - a >= _FEWEST]
 
 
-def _before(response: np.ndarray, first: int) -> np.ndarray:
+def before_force(response: np.ndarray, first: int) -> np.ndarray:
     """Samples that nothing moves in yet."""
-    return response[_SPOILT : max(_SPOILT, first - _SPOILT)].astype(float)
+    return response[SPOILT : max(SPOILT, first - SPOILT)].astype(float)

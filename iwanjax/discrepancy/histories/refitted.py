@@ -8,21 +8,23 @@ import numpy as np
 from iwanjax.discrepancy.estimate import Estimate, Refitted
 from iwanjax.discrepancy.histories.kernels import joints_of
 from iwanjax.discrepancy.histories.likelihood import covariance
-from iwanjax.discrepancy.histories.multistart import Fitted
-from iwanjax.discrepancy.histories.problem import Search
+from iwanjax.discrepancy.histories.multistart import HypothesisFit
+from iwanjax.discrepancy.histories.problem import HistoryProblem
 
 # Step of z by which a parameter's derivative is told.
 _STEP = 1e-4
 
 
-def joints_refitted(search: Search, fitted: Fitted, labels: Sequence[str]) -> tuple[Refitted, ...]:
+def joints_refitted(
+    problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str]
+) -> tuple[Refitted, ...]:
     """The joints of a fit to time histories; one that drifts at its mean.
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         That it was fitted with.
-    fitted : Fitted
+    fitted : HypothesisFit
         The model.
     labels : sequence of str
         Of the structure's joints.
@@ -32,15 +34,15 @@ def joints_refitted(search: Search, fitted: Fitted, labels: Sequence[str]) -> tu
     tuple of Refitted
         In the order of the search: one that sticks first, one that was left out last.
     """
-    p = search.parameters
+    p = problem.parameters
     z = fitted.theta.mean(axis=0)[:p]
-    known = np.sqrt(np.maximum(np.diag(covariance(search, fitted))[:p], 0.0))
-    joints, found, first = joints_of(search.joints, jax.device_put(z)), [], 0
+    known = np.sqrt(np.maximum(np.diag(covariance(problem, fitted))[:p], 0.0))
+    joints, found, first = joints_of(problem.joints, jax.device_put(z)), [], 0
     # Two evaluations for each parameter give its slope.
-    beside = [joints_of(search.joints, jax.device_put(z + _STEP * e)) for e in np.eye(p)]
-    for i, (name, joint) in enumerate(zip(_ordered(search, fitted, labels), joints, strict=True)):
+    beside = [joints_of(problem.joints, jax.device_put(z + _STEP * e)) for e in np.eye(p)]
+    for i, (name, joint) in enumerate(zip(_ordered(problem, fitted, labels), joints, strict=True)):
         rows = []
-        for info in search.joints[i].given.parameters:
+        for info in problem.joints[i].given.parameters:
             value = float(getattr(joint, info.name))
             slope = (float(getattr(beside[first][i], info.name)) - value) / _STEP
             rows.append(Estimate(info, value, abs(slope) * float(known[first])))
@@ -49,9 +51,9 @@ def joints_refitted(search: Search, fitted: Fitted, labels: Sequence[str]) -> tu
     return tuple(found)
 
 
-def _ordered(search: Search, fitted: Fitted, labels: Sequence[str]) -> list[str]:
+def _ordered(problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str]) -> list[str]:
     """Labels in the order of the search's joints."""
-    names, more = list(labels), len(search.joints) - len(labels)
+    names, more = list(labels), len(problem.joints) - len(labels)
     pairs = zip(fitted.hypothesis.kinds, fitted.hypothesis.where, strict=True)
     for kind, where in pairs:
         if kind.name == "stiction":

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.discrepancy.effects import ForceKind, Motion, shipped
-from iwanjax.discrepancy.histories.linearise import glance
-from iwanjax.discrepancy.histories.multistart import SHORT, Fitted
+from iwanjax.discrepancy.effects import ForceKind, PlaceMotion, shipped
+from iwanjax.discrepancy.histories.linearise import residuals_at
+from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit
 from iwanjax.discrepancy.histories.places import Followed
-from iwanjax.discrepancy.histories.problem import Hypothesis, Search
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
 from iwanjax.discrepancy.restoring_force import RestoringForce
 from iwanjax.kernels import Kept
 
@@ -20,7 +20,11 @@ _BINS, _FEWEST = 25, 4
 
 
 def restoring_force(
-    search: Search, seen: Followed, best: Fitted, slot: int, rivals: list[Fitted]
+    problem: HistoryProblem,
+    seen: Followed,
+    best: HypothesisFit,
+    slot: int,
+    rivals: list[HypothesisFit],
 ) -> RestoringForce | None:
     """The force that the best model's joints leave unexplained at the suspect's place.
 
@@ -39,21 +43,23 @@ def restoring_force(
     kind = best.hypothesis.kinds[slot]
     if not isinstance(kind, ForceKind):
         return None
-    kept, theta = search.predictor.kept, best.theta
-    gain = search.gains([best.hypothesis.suspects], theta.mean(axis=0)[None], SHORT).gain[0]
-    (residual,) = glance(search, [(best.hypothesis, theta)], SHORT)
-    weight = np.asarray(search.data.weight)
+    kept, theta = problem.predictor.kept, best.theta
+    gain = problem.gains(
+        [best.hypothesis.suspects], theta.mean(axis=0)[None], SHORT_TIME_CONSTANT
+    ).gain[0]
+    (residual,) = residuals_at(problem, [(best.hypothesis, theta)], SHORT_TIME_CONSTANT)
+    weight = np.asarray(problem.data.weight)
     e = np.where(weight > 0, residual / np.where(weight > 0, weight, 1.0), 0.0)
     row = np.asarray(best.hypothesis.suspects.row)[slot, :kept]
     d, v = seen.q @ row, seen.v @ row
     hardest = int(np.argmax(np.max(np.abs(d), axis=1)))
-    dt = float(search.predictor.dt) * search.predictor.substeps
-    if search.predictor.quantity == "acceleration":
-        felt = np.asarray(search.predictor.sensors) @ row / search.noise**2
-        left = -(e[hardest] @ felt) / float(felt @ (np.asarray(search.predictor.sensors) @ row))
+    dt = float(problem.predictor.dt) * problem.predictor.substeps
+    if problem.predictor.quantity == "acceleration":
+        felt = np.asarray(problem.predictor.sensors) @ row / problem.noise**2
+        left = -(e[hardest] @ felt) / float(felt @ (np.asarray(problem.predictor.sensors) @ row))
     else:
         left = -(e[hardest] @ gain[kept:].T @ row) / (dt * float(row @ row))
-    quiet = ~np.any(np.asarray(search.data.push)[hardest] != 0, axis=(1, 2))
+    quiet = ~np.any(np.asarray(problem.data.push)[hardest] != 0, axis=(1, 2))
     used = weight[hardest, :, 0] > 0
     if np.count_nonzero(used & quiet) >= _BINS * _FEWEST:
         used &= quiet
@@ -61,7 +67,7 @@ def restoring_force(
     a = np.gradient(v, dt)
     laws = {}
     for fit in [best, *rivals]:
-        law = _law(search, fit, row, d, v, a, dt)
+        law = _law(problem, fit, row, d, v, a, dt)
         if law is not None:
             laws.setdefault(law[0], law[1][used])
     force = left[used] + laws[kind.name]
@@ -75,8 +81,8 @@ def restoring_force(
 
 
 def _law(
-    search: Search,
-    fit: Fitted,
+    problem: HistoryProblem,
+    fit: HypothesisFit,
     row: np.ndarray,
     d: np.ndarray,
     v: np.ndarray,
@@ -89,7 +95,7 @@ def _law(
         own = np.asarray(hypothesis.suspects.row)[slot, : len(row)]
         if not isinstance(kind, ForceKind) or not np.array_equal(own, row):
             continue
-        size, shape = fit.theta.mean(axis=0)[search.parameters + 2 * slot :][:2]
+        size, shape = fit.theta.mean(axis=0)[problem.parameters + 2 * slot :][:2]
         if np.asarray(hypothesis.suspects.logarithmic)[slot] > 0:
             size = math.exp(min(size, 700.0))
         moving = np.stack([d, v, a, np.diff(d, prepend=0.0)])
@@ -103,7 +109,7 @@ def _unit_force(kind: ForceKind, shape: Array, moving: Array, dt: Array) -> tupl
     """Force of size 1 along a motion, (4, N): d, v, a and the steps of d."""
 
     def step(memory: Array, at: Array) -> tuple[Array, Array]:
-        unit, memory = kind.unit_force(Motion(at[0], at[1], at[2], at[3], dt), shape, memory)
+        unit, memory = kind.unit_force(PlaceMotion(at[0], at[1], at[2], at[3], dt), shape, memory)
         return memory, unit
 
     return (jax.lax.scan(step, jnp.zeros(()), moving.T)[1],)

@@ -7,12 +7,23 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.effects import JointKind, Kind, SensorKind
-from iwanjax.discrepancy.histories import hypotheses as suspicion
-from iwanjax.discrepancy.histories.columns import Unit, columns, columns_at_rest, faults, units
-from iwanjax.discrepancy.histories.linearise import evaluate, glance
-from iwanjax.discrepancy.histories.multistart import Fitted
+from iwanjax.discrepancy.histories import hypotheses as hypotheses
+from iwanjax.discrepancy.histories.columns import (
+    UnitEffect,
+    columns,
+    columns_at_rest,
+    sensor_faults,
+    unit_effects,
+)
+from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
+from iwanjax.discrepancy.histories.multistart import HypothesisFit
 from iwanjax.discrepancy.histories.places import Place
-from iwanjax.discrepancy.histories.problem import Search, Start, drifting_values, free_values
+from iwanjax.discrepancy.histories.problem import (
+    HistoryProblem,
+    Start,
+    drifting_values,
+    free_values,
+)
 
 # Share of the largest value a sensor showed, where it may have been cut: noise lies above.
 _LIMIT = 0.98
@@ -37,9 +48,9 @@ class Candidate(NamedTuple):
     drop: float
 
 
-def screen(
-    search: Search,
-    base: Fitted,
+def score_test(
+    problem: HistoryProblem,
+    base: HypothesisFit,
     kinds: Sequence[Kind],
     places: Sequence[Place],
     sensors: Sequence[str],
@@ -56,9 +67,9 @@ def screen(
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         Predictor and data.
-    base : Fitted
+    base : HypothesisFit
         The model with its joints refitted, and the suspects found so far.
     kinds : sequence of Kind
         To be tried.
@@ -75,15 +86,15 @@ def screen(
         For each kind and place the best shape, the largest drop first; none where there was no
         time to judge them all.
     """
-    p = search.parameters
+    p = problem.parameters
     z, states = base.theta.mean(axis=0)[:p], base.theta[:, base.values :]
     others = [base.start] if base.hypothesis.kinds else []
-    (seen,) = evaluate(search, [(base.hypothesis, base.theta)], base.cycles)
-    shared = free_values(search, base.hypothesis)
+    (seen,) = linearise(problem, [(base.hypothesis, base.theta)], base.time_constant)
+    shared = free_values(problem, base.hypothesis)
     slopes = np.moveaxis(np.asarray(seen.slopes), 1, 0)
     slopes = slopes.reshape(*slopes.shape[:2], -1)
     known = slopes[shared]
-    explained = _explained(search, np.concatenate([known, slopes[base.values :]]), len(shared))
+    explained = _explained(problem, np.concatenate([known, slopes[base.values :]]), len(shared))
     basis, _ = np.linalg.qr(explained)
     whole = np.concatenate([base.residual.ravel(), z, states.ravel()])
     left = whole - basis @ (basis.T @ whole)
@@ -109,41 +120,44 @@ def screen(
 
     if not in_time():
         return []
-    forces, of_sensors = units(search, base, kinds, places), faults(search, kinds, sensors, z)
-    for unit, size, drop in _judged(search, base, forces, of_sensors, rated, in_time):
+    forces, of_sensors = (
+        unit_effects(problem, base, kinds, places),
+        sensor_faults(problem, kinds, sensors, z),
+    )
+    for unit, size, drop in _judged(problem, base, forces, of_sensors, rated, in_time):
         if size != 0 and not (unit.kind.positive and size < 0):
             propose(unit.kind, unit.where, drop, partial(unit.sized, size))
     if not in_time():
         return []
-    ready = _limits(search, base, others, kinds, sensors, z)
+    ready = _limits(problem, base, others, kinds, sensors, z)
     if base.hypothesis.drifting is None:
-        ready += _drifts(search, kinds, joints, known, explained, whole, total, z)
+        ready += _drifts(problem, kinds, joints, known, explained, whole, total, z)
     for start, drop in ready:
         (kind,), (where,) = start.hypothesis.kinds, start.hypothesis.where
         propose(kind, where, drop, lambda start=start: start)
     return [
-        Candidate(suspicion.joined(search, [*others, start()]), drop)
+        Candidate(hypotheses.joined(problem, [*others, start()]), drop)
         for drop, start in sorted(best.values(), key=lambda each: -each[0])
     ]
 
 
 def _judged(
-    search: Search,
-    base: Fitted,
-    forces: Sequence[Unit],
-    of_sensors: Sequence[Unit],
+    problem: HistoryProblem,
+    base: HypothesisFit,
+    forces: Sequence[UnitEffect],
+    of_sensors: Sequence[UnitEffect],
     rated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     in_time: Callable[[], bool],
-) -> Iterator[tuple[Unit, float, float]]:
+) -> Iterator[tuple[UnitEffect, float, float]]:
     """All with size and drop: about the motion itself, but for forces that promise little."""
     found = np.zeros((2, len(forces)))
     if len(forces) > _MOVING:
-        for which, made in columns_at_rest(search, base, forces):
+        for which, made in columns_at_rest(problem, base, forces):
             found[:, which] = rated(made)
     if not in_time():
         return
     best = np.argsort(-found[1], kind="stable")[:_MOVING]
-    moving = columns(search, base, [*(forces[i] for i in best), *of_sensors])
+    moving = columns(problem, base, [*(forces[i] for i in best), *of_sensors])
     exact = np.array(rated(moving))
     found[:, best] = exact[:, : len(best)]
     found = np.hstack([found, exact[:, len(best) :]])
@@ -151,10 +165,10 @@ def _judged(
         yield unit, size, drop
 
 
-def _explained(search: Search, made: np.ndarray, shared: int) -> np.ndarray:
+def _explained(problem: HistoryProblem, made: np.ndarray, shared: int) -> np.ndarray:
     """Columns of what is fitted: shared values, then the state of each recording; and priors."""
     f, R, size = made.shape
-    p, k = search.parameters, f - shared
+    p, k = problem.parameters, f - shared
     columns = np.zeros((R * size, shared + R * k))
     columns[:, :shared] = made[:shared].reshape(shared, R * size).T
     for r in range(R):
@@ -167,7 +181,7 @@ def _explained(search: Search, made: np.ndarray, shared: int) -> np.ndarray:
 
 
 def _drifts(
-    search: Search,
+    problem: HistoryProblem,
     kinds: Sequence[Kind],
     joints: Sequence[str],
     known: np.ndarray,
@@ -183,7 +197,7 @@ def _drifts(
         if not (isinstance(kind, JointKind) and kind.name == "joint_drift") or R < 2:
             continue
         for j, label in enumerate(joints):
-            own = drifting_values(search, j)
+            own = drifting_values(problem, j)
             cut = np.zeros((len(own), R - 1, R, size))
             for i, value in enumerate(own):
                 for r in range(1, R):
@@ -192,21 +206,21 @@ def _drifts(
             blank = np.zeros((len(whole) - R * size, more.shape[1]))
             basis, _ = np.linalg.qr(np.hstack([explained, np.vstack([more, blank])]))
             rest = whole - basis @ (basis.T @ whole)
-            start = suspicion.drift(search, kind, j, label, z)
+            start = hypotheses.drift(problem, kind, j, label, z)
             found.append((start, 1.0 - float(rest @ rest) / total))
     return found
 
 
 def _limits(
-    search: Search,
-    base: Fitted,
+    problem: HistoryProblem,
+    base: HypothesisFit,
     others: Sequence[Start],
     kinds: Sequence[Kind],
     sensors: Sequence[str],
     z: np.ndarray,
 ) -> list[tuple[Start, float]]:
     """Drops of faults that are tried as they are, beside the others: limits and wrong signs."""
-    largest = np.max(np.abs(np.asarray(search.data.response)), axis=(0, 1))
+    largest = np.max(np.abs(np.asarray(problem.data.response)), axis=(0, 1))
     starts = []
     for kind in kinds:
         if not isinstance(kind, SensorKind):
@@ -214,17 +228,18 @@ def _limits(
         for i, label in enumerate(sensors):
             if kind.acts == "limit":
                 limit = _LIMIT * float(largest[i])
-                starts.append(suspicion.sensor(search, kind, i, label, z, limit))
+                starts.append(hypotheses.sensor(problem, kind, i, label, z, limit))
             elif kind.fixed is not None:
-                starts.append(suspicion.sensor(search, kind, i, label, z, 0.0))
+                starts.append(hypotheses.sensor(problem, kind, i, label, z, 0.0))
     if not starts:
         return []
     states = base.theta[:, base.values :]
-    whole = [suspicion.joined(search, [*others, start]) for start in starts]
-    lanes = [
-        (s.hypothesis, np.hstack([np.tile(s.theta, (search.recordings, 1)), states])) for s in whole
+    whole = [hypotheses.joined(problem, [*others, start]) for start in starts]
+    points = [
+        (s.hypothesis, np.hstack([np.tile(s.theta, (problem.recordings, 1)), states]))
+        for s in whole
     ]
-    seen = glance(search, lanes, base.cycles)
+    seen = residuals_at(problem, points, base.time_constant)
     before = float(base.misfit.sum())
     return [
         (start, 1.0 - float(np.sum(each**2)) / before)

@@ -4,18 +4,18 @@ from collections.abc import Sequence
 
 from iwanjax.discrepancy.histories.joint_faults import limited, stuck
 from iwanjax.discrepancy.histories.likelihood import evidence, left_by_noise
-from iwanjax.discrepancy.histories.multistart import Fitted, fit_all
-from iwanjax.discrepancy.histories.problem import Search
+from iwanjax.discrepancy.histories.multistart import HypothesisFit, multistart
+from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.discrepancy.histories.ranking import (
+    GIVE_UP,
     LEAST_PROMISE,
     MISFIT,
-    RACE,
     STEPS,
-    Entry,
-    Grounds,
+    RankedFit,
+    Scope,
     cost_of,
     placed,
-    screened,
+    tested,
 )
 
 # Times what a shorter memory left from which on something new is looked for, and the share of
@@ -27,12 +27,12 @@ _KNOWN, _REFITTED, _FIELD = 2, 4, 3
 
 
 def appearing(
-    search: Search,
-    before: Fitted,
-    now: Fitted,
-    entries: Sequence[Entry],
-    grounds: Grounds,
-) -> list[Entry]:
+    problem: HistoryProblem,
+    before: HypothesisFit,
+    now: HypothesisFit,
+    entries: Sequence[RankedFit],
+    scope: Scope,
+) -> list[RankedFit]:
     """Suspects in what a model leaves with a longer memory and did not leave with a shorter one.
 
     An observer takes what differs from hit to hit, or the phase that a weak force shifts over
@@ -42,13 +42,13 @@ def appearing(
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         Predictor and data.
-    before, now : Fitted
+    before, now : HypothesisFit
         The model with its joints refitted, with a shorter and a longer memory.
-    entries : sequence of Entry
+    entries : sequence of RankedFit
         Suspects for which a shorter memory showed too little evidence, the best first.
-    grounds : Grounds
+    scope : Scope
         What may be suspected.
 
     Returns
@@ -56,21 +56,29 @@ def appearing(
     list of Entry
         Refitted with the longer memory, the best first; none where nothing new is left.
     """
-    usual = max(before.cost, left_by_noise(search))
-    if now.cost < _GROWN * usual or not grounds.in_time():
+    usual = max(before.cost, left_by_noise(problem))
+    if now.cost < _GROWN * usual or not scope.in_time():
         return []
-    grounds.progress("looking again with a longer memory")
-    least = LEAST_PROMISE / evidence(search, [now]).worth(now)
-    starts = [c.start for c in screened(search, now, grounds)[:_REFITTED] if c.drop > least]
-    known = [e.fitted.start for e in entries if e.search is search][:_KNOWN]
+    scope.progress("looking again with a longer memory")
+    least = LEAST_PROMISE / evidence(problem, [now]).worth(now)
+    starts = [c.start for c in tested(problem, now, scope)[:_REFITTED] if c.drop > least]
+    known = [e.fitted.start for e in entries if e.problem is problem][:_KNOWN]
     variants = [start.hypothesis.variant for start in known]
     starts = [*known, *(s for s in starts if s.hypothesis.variant not in variants)]
-    fits = fit_all(
-        search, starts, now.cycles, STEPS, race=RACE, at_most=_FIELD, in_time=grounds.in_time
+    fits = multistart(
+        problem,
+        starts,
+        now.time_constant,
+        STEPS,
+        give_up=GIVE_UP,
+        at_most=_FIELD,
+        in_time=scope.in_time,
     )
     best = min([now.cost, *(each.cost for each in fits)])
-    found = [Entry(search, each) for each in fits]
+    found = [RankedFit(problem, each) for each in fits]
     if best > MISFIT * usual:
-        found += stuck(search, now, limited(search, now, best, now.cycles), grounds, now.cycles)
+        found += stuck(
+            problem, now, limited(problem, now, best, now.time_constant), scope, now.time_constant
+        )
     enough = now.cost - _SHARE * (now.cost - usual)
     return placed([each for each in found if cost_of(each) < enough])

@@ -8,16 +8,20 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.failures import attempted
-from iwanjax.discrepancy.histories.conditioning import Prepared, directions_of, prepared
+from iwanjax.discrepancy.histories.conditioning import (
+    ConditionedRecordings,
+    conditioned,
+    directions_of,
+)
 from iwanjax.discrepancy.histories.kernels import Joint
 from iwanjax.discrepancy.histories.likelihood import left_by_noise
-from iwanjax.discrepancy.histories.linearise import glance, innovations
+from iwanjax.discrepancy.histories.linearise import innovations, residuals_at
 from iwanjax.discrepancy.histories.macroslip import alternatives
 from iwanjax.discrepancy.histories.predictor import Predictor
-from iwanjax.discrepancy.histories.problem import Hypothesis, Search
-from iwanjax.discrepancy.histories.ranking import MIDDLE, Entry
-from iwanjax.discrepancy.histories.recordings import Transient
-from iwanjax.discrepancy.histories.validation import Free, free_run
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
+from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
+from iwanjax.discrepancy.histories.recordings import StudyRecording
+from iwanjax.discrepancy.histories.validation import FreeRun, free_run
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.errors import InputError
 
@@ -27,7 +31,7 @@ _SUBSTEPS, _MOST_SUBSTEPS = 2, 4
 # their difference that is none beside the noise: while suspects are compared, where its square
 # may look like something more that is missing; with the same memory in the end; and in the free
 # run, where errors add up.
-_TURN, _COMPARED, _SAME_AS = 0.7, {MIDDLE: 0.4}, {MIDDLE: 0.3, math.inf: 0.7}
+_TURN, _COMPARED, _SAME_AS = 0.7, {TIME_CONSTANT: 0.4}, {TIME_CONSTANT: 0.3, math.inf: 0.7}
 # Squared residual over the noise's from which on a fit may want for steps.
 _MORE_THAN_NOISE = 1.1
 # Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
@@ -36,21 +40,21 @@ _OTHER_UNITS = 100.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sides:
+class StudyData:
     """Recordings to fit, and those held out in batches of the same size."""
 
-    fitted: Prepared
+    fitted: ConditionedRecordings
     order: tuple[int, ...]
-    held: tuple[tuple[Prepared, tuple[int, ...]], ...]
+    held: tuple[tuple[ConditionedRecordings, tuple[int, ...]], ...]
 
     @classmethod
     def of(
         cls,
-        recordings: Sequence[Transient],
+        recordings: Sequence[StudyRecording],
         made: Predictor,
         modal: ModalCoordinates,
         known: np.ndarray,
-    ) -> "Sides":
+    ) -> "StudyData":
         """All of them for one predictor, the noise of their sensors known.
 
         Those held out are filled up to the length of those to fit, for one kernel; longer ones
@@ -61,9 +65,9 @@ class Sides:
         count, directions = len(order), directions_of(recordings, made)
         fitted = max(len(recordings[i].response) for i in order)
 
-        def taken(those: Sequence[int]) -> Prepared:
+        def taken(those: Sequence[int]) -> ConditionedRecordings:
             length = max([fitted, *(len(recordings[i].response) for i in those)])
-            return prepared(
+            return conditioned(
                 [recordings[i] for i in those], made, modal, known, length, count, directions
             )
 
@@ -71,19 +75,19 @@ class Sides:
         return cls(taken(order), order, tuple((taken(those), those) for those in held))
 
     def free(
-        self, entry: Entry, failures: list[str], *, replaced: bool = False
-    ) -> tuple[Free, Free | None]:
+        self, entry: RankedFit, failures: list[str], *, replaced: bool = False
+    ) -> tuple[FreeRun, FreeRun | None]:
         """Free runs against both; without those held out where their run fails.
 
         Of a model that another one replaces nobody asks how unsure macroslip leaves it.
         """
-        other = [] if replaced else alternatives(entry.search, entry.fitted)
-        fitted = free_run(entry.search, entry.fitted, other, [(self.fitted, self.order)])
+        other = [] if replaced else alternatives(entry.problem, entry.fitted)
+        fitted = free_run(entry.problem, entry.fitted, other, [(self.fitted, self.order)])
         if not self.held:
             return fitted, None
         return fitted, attempted(
             "predicting the held-out recordings",
-            lambda: free_run(entry.search, entry.fitted, other, self.held),
+            lambda: free_run(entry.problem, entry.fitted, other, self.held),
             None,
             failures,
         )
@@ -98,26 +102,26 @@ class Sides:
         return told
 
 
-class Resolved(NamedTuple):
+class Refined(NamedTuple):
     """Recordings and what fits them, with some number of steps between samples.
 
     Attributes
     ----------
-    sides : Sides
+    sides : StudyData
         Recordings to fit, and those held out.
-    search : Search
+    problem : HistoryProblem
         Of the former.
     modal : ModalCoordinates
         Modes that both are in.
     """
 
-    sides: Sides
-    search: Search
+    sides: StudyData
+    problem: HistoryProblem
     modal: ModalCoordinates
 
 
 @dataclass(frozen=True, eq=False)
-class Resolution:
+class StepRefinement:
     """Recordings that can be taken with any number of steps between samples.
 
     Attributes
@@ -126,7 +130,7 @@ class Resolution:
         Steps between samples -> predictor and modes.
     joints : tuple of Joint
         About their given values.
-    recordings : sequence of Transient
+    recordings : sequence of StudyRecording
         All of them.
     noise : (sensors,) array
         Deviations.
@@ -134,10 +138,10 @@ class Resolution:
 
     made: Callable[[int], tuple[Predictor, ModalCoordinates]]
     joints: tuple[Joint, ...]
-    recordings: Sequence[Transient]
+    recordings: Sequence[StudyRecording]
     noise: np.ndarray
 
-    def of_model(self) -> Resolved:
+    def of_model(self) -> Refined:
         """With steps that do while suspects of the model as given are compared.
 
         Raises
@@ -146,43 +150,43 @@ class Resolution:
             Where units seem to be mixed up.
         """
         coarse = self._at(_SUBSTEPS)
-        _require_same_units(coarse.search)
+        _require_same_units(coarse.problem)
         if not _fast(coarse):
             return coarse
-        return self._finer(coarse, coarse.search, *_given(coarse.search), _COMPARED)
+        return self._finer(coarse, coarse.problem, *_given(coarse.problem), _COMPARED)
 
-    def of_free_run(self, now: Resolved, best: Entry) -> Resolved:
+    def of_free_run(self, now: Refined, best: RankedFit) -> Refined:
         """With steps that do for a free run as well: ``now`` itself, where modes are slow."""
         return self._of(now, best) if _fast(now) else now
 
-    def of_fit(self, now: Resolved, best: Entry) -> Resolved:
+    def of_fit(self, now: Refined, best: RankedFit) -> Refined:
         """With steps that do for a fit: ``now`` itself, where these are enough.
 
         A stiff suspect may want more than the model without it.
         """
-        left = best.fitted.cost / left_by_noise(best.search)
+        left = best.fitted.cost / left_by_noise(best.problem)
         return self._of(now, best) if left > _MORE_THAN_NOISE else now
 
-    def _of(self, now: Resolved, best: Entry) -> Resolved:
+    def _of(self, now: Refined, best: RankedFit) -> Refined:
         fitted = best.fitted
-        return self._finer(now, best.search, fitted.hypothesis, fitted.theta, _SAME_AS)
+        return self._finer(now, best.problem, fitted.hypothesis, fitted.theta, _SAME_AS)
 
     def _finer(
         self,
-        now: Resolved,
-        search: Search,
+        now: Refined,
+        problem: HistoryProblem,
         hypothesis: Hypothesis,
         theta: np.ndarray,
         same: Mapping[float, float],
-    ) -> Resolved:
-        steps = now.search.predictor.substeps
+    ) -> Refined:
+        steps = now.problem.predictor.substeps
         if steps >= _MOST_SUBSTEPS:
             return now
         finest = self._at(_MOST_SUBSTEPS)
-        finer = search.with_steps_of(finest.search)
+        finer = problem.with_steps_of(finest.problem)
         changed = max(
-            _change(search, finer, hypothesis, theta, cycles) / unit
-            for cycles, unit in same.items()
+            _change(problem, finer, hypothesis, theta, time_constant) / unit
+            for time_constant, unit in same.items()
         )
         # Errors of fourth order in the step, of which the finest ones have next to nothing.
         enough = math.ceil(steps * changed**0.25)
@@ -190,41 +194,48 @@ class Resolution:
             return finest
         return self._at(enough) if enough > steps else now
 
-    def _at(self, substeps: int) -> Resolved:
+    def _at(self, substeps: int) -> Refined:
         by, modal = self.made(substeps)
-        sides = Sides.of(self.recordings, by, modal, self.noise)
+        sides = StudyData.of(self.recordings, by, modal, self.noise)
         noise = np.median(sides.fitted.noise, axis=0)
-        return Resolved(
-            sides, Search(by, self.joints, sides.fitted.data, noise, sides.order), modal
+        return Refined(
+            sides, HistoryProblem(by, self.joints, sides.fitted.data, noise, sides.order), modal
         )
 
 
 def _change(
-    search: Search, finer: Search, hypothesis: Hypothesis, theta: np.ndarray, cycles: float
+    problem: HistoryProblem,
+    finer: HistoryProblem,
+    hypothesis: Hypothesis,
+    theta: np.ndarray,
+    time_constant: float,
 ) -> float:
     """What finer steps change in the residuals of the recording that changes most."""
-    lanes = [(hypothesis, theta)]
-    off = glance(finer, lanes, cycles)[0] - glance(search, lanes, cycles)[0]
+    points = [(hypothesis, theta)]
+    off = (
+        residuals_at(finer, points, time_constant)[0]
+        - residuals_at(problem, points, time_constant)[0]
+    )
     return float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2)))))
 
 
-def _fast(coarse: Resolved) -> bool:
+def _fast(coarse: Refined) -> bool:
     """Whether the fastest mode turns too far in a step for errors to be taken for none."""
-    by = coarse.search.predictor
+    by = coarse.problem.predictor
     return math.sqrt(float(np.max(by.omega2))) * float(by.dt) > _TURN
 
 
-def _given(search: Search) -> tuple[Hypothesis, np.ndarray]:
+def _given(problem: HistoryProblem) -> tuple[Hypothesis, np.ndarray]:
     """The model with its joints as given."""
-    return search.nothing(), search.still(np.zeros(search.parameters + 2))
+    return problem.nothing(), problem.still(np.zeros(problem.parameters + 2))
 
 
-def _require_same_units(search: Search) -> None:
+def _require_same_units(problem: HistoryProblem) -> None:
     """Refuse recordings that are of quite another size than the forces can have caused."""
-    quantity = search.predictor.quantity
-    seen = np.asarray(search.data.weight) > 0
-    measured = np.asarray(search.data.response)[seen]
-    predicted = measured - innovations(search, *_given(search), math.inf)[seen]
+    quantity = problem.predictor.quantity
+    seen = np.asarray(problem.data.weight) > 0
+    measured = np.asarray(problem.data.response)[seen]
+    predicted = measured - innovations(problem, *_given(problem), math.inf)[seen]
     ratio = math.sqrt(float(np.mean(measured**2) / np.mean(predicted**2)))
     if math.isfinite(ratio) and not 1.0 / _OTHER_UNITS < ratio < _OTHER_UNITS:
         raise InputError(

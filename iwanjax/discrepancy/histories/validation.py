@@ -8,28 +8,28 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.diagnosis import Refused
-from iwanjax.discrepancy.histories.conditioning import Prepared
+from iwanjax.discrepancy.histories.conditioning import ConditionedRecordings
 from iwanjax.discrepancy.histories.likelihood import covariance
-from iwanjax.discrepancy.histories.linearise import evaluate, glance
+from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
 from iwanjax.discrepancy.histories.macroslip import Alternative
-from iwanjax.discrepancy.histories.multistart import Fitted
+from iwanjax.discrepancy.histories.multistart import HypothesisFit
 from iwanjax.discrepancy.histories.problem import (
-    Search,
+    HistoryProblem,
     drifting_values,
     elapsed,
     free_values,
     rates,
 )
-from iwanjax.discrepancy.histories.ranking import Entry, doubted, missing, ranked
-from iwanjax.discrepancy.histories.selection import Table
+from iwanjax.discrepancy.histories.ranking import RankedFit, doubted, missing, ranked
+from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.judgement import worse
 from iwanjax.signals.comparison_band import OF_NOISE
 
 # Memories with which the state of a decay is estimated, one step of Gauss and Newton each.
-_MEMORIES = (8.0, 8.0, 40.0, math.inf, math.inf)
+_TIME_CONSTANTS = (8.0, 8.0, 40.0, math.inf, math.inf)
 
 
-class Free(NamedTuple):
+class FreeRun(NamedTuple):
     """A free run against some recordings.
 
     Attributes
@@ -112,34 +112,34 @@ def _quantile(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
 
 
 def free_run(
-    search: Search,
-    fitted: Fitted,
+    problem: HistoryProblem,
+    fitted: HypothesisFit,
     other: Sequence[Alternative],
-    batches: Sequence[tuple[Prepared, Sequence[int]]],
-) -> Free:
+    batches: Sequence[tuple[ConditionedRecordings, Sequence[int]]],
+) -> FreeRun:
     """A fitted model against recordings, integrated from rest under the measured forces.
 
     A free decay is integrated from the state that suits it best.
 
     Parameters
     ----------
-    search : Search
+    problem : HistoryProblem
         That the model was fitted with.
-    fitted : Fitted
+    fitted : HypothesisFit
         The model.
     other : sequence of Alternative
         Joints that the fitted recordings leave open as well.
-    batches : sequence of (Prepared, places)
+    batches : sequence of (ConditionedRecordings, places)
         Recordings, as many to a batch as were fitted, with their places in the study, by which
         a joint's drift is told.
     """
     # A model that diverges beyond what it was fitted to says so by its error.
     with np.errstate(over="ignore", invalid="ignore"):
-        parts = [_free(search, fitted, other, each, places) for each, places in batches]
+        parts = [_free(problem, fitted, other, each, places) for each, places in batches]
     return joined(parts)
 
 
-def joined(parts: Sequence[Free]) -> Free:
+def joined(parts: Sequence[FreeRun]) -> FreeRun:
     """Recordings one after the other, the shorter ones filled up with zeros."""
     names = tuple(name for part in parts for name in part.names)
     longest = max(part.error.shape[1] for part in parts)
@@ -149,27 +149,27 @@ def joined(parts: Sequence[Free]) -> Free:
         return np.pad(x, [(0, 0), (0, missing), (0, 0)]) if missing else x
 
     arrays = zip(*(map(filled, part[1:]) for part in parts), strict=True)
-    return Free(names, *(np.concatenate(each) for each in arrays))
+    return FreeRun(names, *(np.concatenate(each) for each in arrays))
 
 
 def _free(
-    search: Search,
-    fitted: Fitted,
+    problem: HistoryProblem,
+    fitted: HypothesisFit,
     other: Sequence[Alternative],
-    those: Prepared,
+    those: ConditionedRecordings,
     places: Sequence[int],
-) -> Free:
-    here = replace(search, data=those.data)
+) -> FreeRun:
+    here = replace(problem, data=those.data)
     count = len(those.names)
-    theta = _expected(search, fitted, places)
-    R = search.recordings
-    rows = search.still(np.stack([theta[min(i, count - 1)] for i in range(R)]))
+    theta = _expected(problem, fitted, places)
+    R = problem.recordings
+    rows = problem.still(np.stack([theta[min(i, count - 1)] for i in range(R)]))
     weight, y = (np.asarray(x)[:count] for x in (those.data.weight, those.data.response))
     safe = np.where(weight > 0, weight, np.inf)
     decays = np.asarray(those.data.kick)[:, 0] > 0
     if np.any(decays):
         rows = _released(here, fitted, rows, decays)
-    (seen,) = evaluate(here, [(fitted.hypothesis, rows)], math.inf)
+    (seen,) = linearise(here, [(fitted.hypothesis, rows)], math.inf)
     left = (OF_NOISE * those.noise[:, None, :]) ** 2
     own = np.sum(np.where(weight > 0, left, 0.0), axis=(1, 2))
     # What the forces' noise does to the state after the pulse, of deviation 1 each.
@@ -179,64 +179,66 @@ def _free(
     gram = np.einsum("rins,rjns->rij", kicked, kicked)
     own = own + np.einsum("rii->r", gram)
     scatter = 2.0 * np.sum(gram**2, axis=(1, 2))
-    known, slopes = _open(search, fitted, places, np.asarray(seen.slopes)[:count])
+    known, slopes = _open(problem, fitted, places, np.asarray(seen.slopes)[:count])
     slopes = slopes / safe[:, None]
     open_to = np.einsum("rins,rjns->rij", slopes, slopes)
     unsure = np.einsum("rij,ij->r", open_to, known)
-    p = search.parameters
+    p = problem.parameters
     moved = [np.hstack([rows[:, :p] + each.change, rows[:, p:]]) for each in other]
-    residuals = glance(here, [(fitted.hypothesis, each) for each in moved], math.inf)
+    residuals = residuals_at(here, [(fitted.hypothesis, each) for each in moved], math.inf)
     for each, residual in zip(other, residuals, strict=True):
         change = (residual - seen.residual)[:count] / safe
         unsure = unsure + each.weight * np.sum(change**2, axis=(1, 2))
     error, measured = seen.residual[:count] / safe, np.where(weight > 0, y, 0.0)
-    return Free(those.names, error, measured, own, scatter, unsure)
+    return FreeRun(those.names, error, measured, own, scatter, unsure)
 
 
-def _released(search: Search, fitted: Fitted, rows: np.ndarray, decays: np.ndarray) -> np.ndarray:
+def _released(
+    problem: HistoryProblem, fitted: HypothesisFit, rows: np.ndarray, decays: np.ndarray
+) -> np.ndarray:
     """Values with the states in which free decays began, by the decays themselves."""
     rows = rows.copy()
-    for cycles in _MEMORIES:
-        (seen,) = evaluate(search, [(fitted.hypothesis, rows)], cycles)
-        J = np.asarray(seen.slopes)[:, fitted.values :].reshape(len(rows), search.directions, -1)
+    for time_constant in _TIME_CONSTANTS:
+        (seen,) = linearise(problem, [(fitted.hypothesis, rows)], time_constant)
+        J = np.asarray(seen.slopes)[:, fitted.values :].reshape(len(rows), problem.directions, -1)
         off, state = seen.residual.reshape(len(rows), -1), rows[:, fitted.values :]
         downhill = np.einsum("rin,rn->ri", J, off) + state
-        normal = np.einsum("rin,rjn->rij", J, J) + np.eye(search.directions)
+        normal = np.einsum("rin,rjn->rij", J, J) + np.eye(problem.directions)
         step = np.linalg.solve(normal, downhill[..., None])[..., 0]
         rows[:, fitted.values :] -= np.where(decays[:, None], step, 0.0)
     return rows
 
 
 def _open(
-    search: Search, fitted: Fitted, places: Sequence[int], slopes: np.ndarray
+    problem: HistoryProblem, fitted: HypothesisFit, places: Sequence[int], slopes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Covariance of what the recordings have in common, and derivatives in it at these places."""
     hypothesis = fitted.hypothesis
-    shared, along = free_values(search, hypothesis), rates(search, hypothesis)
+    shared, along = free_values(problem, hypothesis), rates(problem, hypothesis)
     columns = [slopes[:, shared]]
     if hypothesis.drifting is not None:
-        own = slopes[:, drifting_values(search, hypothesis.drifting)]
-        columns.append(own * elapsed(search, places)[: len(own), None, None, None])
+        own = slopes[:, drifting_values(problem, hypothesis.drifting)]
+        columns.append(own * elapsed(problem, places)[: len(own), None, None, None])
     which = [*range(len(shared)), *along]
-    known = covariance(search, fitted)[np.ix_(which, which)]
+    known = covariance(problem, fitted)[np.ix_(which, which)]
     return known, np.concatenate(columns, axis=1)
 
 
-def _expected(search: Search, fitted: Fitted, places: Sequence[int]) -> np.ndarray:
+def _expected(problem: HistoryProblem, fitted: HypothesisFit, places: Sequence[int]) -> np.ndarray:
     """Values for recordings at these places in the study: what drifts goes on in line."""
-    theta, order = fitted.theta[:, : fitted.values], search.order
+    theta, order = fitted.theta[:, : fitted.values], problem.order
     rows = np.tile(theta.mean(axis=0), (len(places), 1))
     if fitted.hypothesis.drifting is None:
         return rows
     if all(place in order for place in places):
         return theta[[order.index(place) for place in places]]
-    values = drifting_values(search, fitted.hypothesis.drifting)
-    for value, rate in zip(values, rates(search, fitted.hypothesis), strict=True):
-        rows[:, value] = theta[0, value] + fitted.x[rate] * elapsed(search, places)
+    values = drifting_values(problem, fitted.hypothesis.drifting)
+    for value, rate in zip(values, rates(problem, fitted.hypothesis), strict=True):
+        rows[:, value] = theta[0, value] + fitted.x[rate] * elapsed(problem, places)
     return rows
 
 
-Runs = tuple[Free, Free | None]
+Runs = tuple[FreeRun, FreeRun | None]
 
 
 class Compared(NamedTuple):
@@ -244,22 +246,22 @@ class Compared(NamedTuple):
 
     Attributes
     ----------
-    table : Table
+    table : ModelSelection
         Without what was refused.
-    before, after : (Free, Free or None)
+    before, after : (FreeRun, FreeRun or None)
         Free runs of the fitted and the held-out recordings: of the nominal model, and of the best
         that is left (the same where nothing is).
     refused : tuple of Refused
         What explains the fitted recordings and predicts those held out worse, the best first.
     """
 
-    table: Table
+    table: ModelSelection
     before: Runs
     after: Runs
     refused: tuple[Refused, ...]
 
 
-def compared(table: Table, run: Callable[[Entry, bool], Runs]) -> Compared:
+def compared(table: ModelSelection, run: Callable[[RankedFit, bool], Runs]) -> Compared:
     """The best suspect that does not predict held-out recordings worse than the model without it.
 
     Held-out recordings do not choose: the order is that of the evidence of fitted ones, and each
@@ -270,7 +272,7 @@ def compared(table: Table, run: Callable[[Entry, bool], Runs]) -> Compared:
 
     Parameters
     ----------
-    table : Table
+    table : ModelSelection
         How the competition ended.
     run : function
         Of an entry, and whether another one takes its place: its free runs.
@@ -292,11 +294,11 @@ def compared(table: Table, run: Callable[[Entry, bool], Runs]) -> Compared:
     return Compared(table, before, before, tuple(refused))
 
 
-def _without_the_best(table: Table) -> Table:
+def _without_the_best(table: ModelSelection) -> ModelSelection:
     """The others, placed anew."""
     base, entries = ranked(table.nominal, table.entries[1:])
-    same = [e for e in entries if e.fitted.cycles == base.fitted.cycles]
+    same = [e for e in entries if e.fitted.time_constant == base.fitted.time_constant]
     if same:
-        entries = [*doubted(base.search, same), *entries[len(same) :]]
+        entries = [*doubted(base.problem, same), *entries[len(same) :]]
     detected = bool(same) and missing(base, entries[0])
-    return Table(detected, base, tuple(entries), table.scores)
+    return ModelSelection(detected, base, tuple(entries), table.scores)

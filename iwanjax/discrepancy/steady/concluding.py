@@ -6,11 +6,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from iwanjax.discrepancy.diagnosis import Diagnosis, Errors, Refused, Run, Score, alike
+from iwanjax.discrepancy.diagnosis import Diagnosis, Errors, Prediction, Refused, Score, alike
 from iwanjax.discrepancy.estimate import Estimate, Refitted
 from iwanjax.discrepancy.judgement import Misfit, judged, worse
 from iwanjax.discrepancy.observables import Observable
-from iwanjax.discrepancy.steady.one_joint import Explained, Fit, Standing, linearised
+from iwanjax.discrepancy.steady.one_joint import Explained, Fit, Ranking, linearised
 from iwanjax.joints import ParameterInfo
 from iwanjax.updating.parameters import Parameter
 
@@ -21,11 +21,11 @@ _UNEXPLAINED = 1.25
 # Error of held-out recordings over their deviations that uncertain parameters may account for.
 _UNFORESEEN = 2.0
 
-AnyRun = TypeVar("AnyRun", bound=Run)
+AnyRun = TypeVar("AnyRun", bound=Prediction)
 
 
 def concluded(
-    standing: Standing[Fit],
+    standing: Ranking[Fit],
     where: str,
     runs: Callable[[Fit], tuple[AnyRun, AnyRun]],
     fitted: int,
@@ -43,7 +43,7 @@ def concluded(
 
     Parameters
     ----------
-    standing : Standing
+    standing : Ranking
         Fits by evidence.
     where : str
         What the verdict calls the joint, where forces have no place of their own.
@@ -81,7 +81,7 @@ def concluded(
         others = standing.entries[1:]
         (suspect, *_) = standing.suspects(where, [0.0] * len(standing.entries), estimates)
         refused.append(Refused(suspect.label, before.hold_out, after.hold_out))
-        standing = Standing.of(standing.alone, [each.fit for each in others])
+        standing = Ranking.of(standing.alone, [each.fit for each in others])
     foreseen = floor if expected is None else _errors(expected(chosen, both[1]), fitted)
     verdict = judged(
         standing.nothing,

@@ -15,7 +15,7 @@ from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.steady.cycle import beside, shows
 from iwanjax.discrepancy.steady.one_joint import (
     Deviations,
-    Named,
+    PlacedForce,
     best_of,
     deviations_of,
     over_shapes,
@@ -96,7 +96,7 @@ class CurveFit:
 
     Attributes
     ----------
-    force : Named or None
+    force : PlacedForce or None
         None for the joint alone.
     problem : WithForce
         What was searched.
@@ -106,7 +106,7 @@ class CurveFit:
         Sum of squared residuals over their deviations.
     """
 
-    force: Named | None
+    force: PlacedForce | None
     problem: WithForce
     theta: np.ndarray
     cost: float
@@ -205,7 +205,7 @@ def fit_beside(
         largest = _largest(measured, unit)
         sizes = _SPREAD * largest * random.standard_normal(len(joints))
         sizes = np.abs(sizes) if kind.positive else sizes
-        return _fit(base, Named(kind, shape), unit, largest, np.column_stack([joints, sizes]))
+        return _fit(base, PlacedForce(kind, shape), unit, largest, np.column_stack([joints, sizes]))
 
     if kind.shape is None:
         first = at(begin[0], few)
@@ -221,7 +221,7 @@ def fit_beside(
 
 
 def _fit(
-    base: ModalProblem, force: Named | None, unit: Beside, scale: float, starts: np.ndarray
+    base: ModalProblem, force: PlacedForce | None, unit: Beside, scale: float, starts: np.ndarray
 ) -> CurveFit:
     positive = force is not None and force.kind.positive
     problem = WithForce(

@@ -14,7 +14,7 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.effects import Kind
 from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.steady.curves import CurveFit
-from iwanjax.discrepancy.steady.left_out import VALUES, Added, as_slider
+from iwanjax.discrepancy.steady.left_out import VALUES, AddedJoint, as_slider
 from iwanjax.discrepancy.steady.one_joint import Deviations, linearised
 from iwanjax.discrepancy.steady.starts import least_cost, slopes
 from iwanjax.joints import Iwan4
@@ -82,7 +82,7 @@ class JointFit:
 
     Attributes
     ----------
-    force : Added
+    force : AddedJoint
         The kind.
     problem : WithJoint
         What was searched.
@@ -92,7 +92,7 @@ class JointFit:
         Sum of squared residuals over their deviations.
     """
 
-    force: Added
+    force: AddedJoint
     problem: WithJoint
     theta: np.ndarray
     cost: float
@@ -184,7 +184,7 @@ def fit_with_joint(
         slider = as_slider(float(fit.theta[-1]), fit.force.shape if fit.force else 1.0)
         starts[-1 - i * _STARTS // _RUNS] = np.append(_stuck(fit), slider)
     cost, theta = least_cost(problem, starts, _STARTS, _RUNS)
-    return JointFit(Added(kind), problem, theta, cost)
+    return JointFit(AddedJoint(kind), problem, theta, cost)
 
 
 def _sliders(found: Sequence[CurveFit]) -> list[CurveFit]:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.discrepancy.effects import ForceKind, Motion
+from iwanjax.discrepancy.effects import ForceKind, PlaceMotion
 from iwanjax.quasistatic.modal import Beside
 
 # Steps of a cycle; the first cycle lets sliders and dashpots settle.
@@ -57,7 +57,9 @@ def _beside(kind: ForceKind, shape: Array, q: Array, omega: Array) -> Beside:
     def step(memory: Array, phase: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         sine, cosine, before = phase
         d, v, moved = q * sine, q * omega * cosine, q * (sine - before)
-        force, memory = kind.unit_force(Motion(d, v, -(omega**2) * d, moved, dt), shape, memory)
+        force, memory = kind.unit_force(
+            PlaceMotion(d, v, -(omega**2) * d, moved, dt), shape, memory
+        )
         return memory, jnp.broadcast_to(force, q.shape)
 
     sine, cosine = np.sin(phases), np.cos(phases)

@@ -13,15 +13,15 @@ from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.effects import ForceKind, ModeKind, kinds_of
 from iwanjax.discrepancy.estimate import Estimate
-from iwanjax.discrepancy.evidence import INDULGENCE
+from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.discrepancy.steady.concluding import concluded, parameters_refitted
 from iwanjax.discrepancy.steady.curve_run import CurveRun
 from iwanjax.discrepancy.steady.curves import CurveFit, fit_alone, fit_beside
 from iwanjax.discrepancy.steady.curves_with_joint import JointFit, fit_with_joint
 from iwanjax.discrepancy.steady.differences import clear_differences
-from iwanjax.discrepancy.steady.interacting_modes import Companion, CoupledFit, fit_coupled
+from iwanjax.discrepancy.steady.interacting_modes import CoupledFit, InteractingMode, fit_coupled
 from iwanjax.discrepancy.steady.left_out import joint_estimates, joint_kind
-from iwanjax.discrepancy.steady.one_joint import Standing, estimates_of, tried
+from iwanjax.discrepancy.steady.one_joint import Ranking, estimates_of, tried
 from iwanjax.discrepancy.steady.starts import slopes
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, joint_type
@@ -44,7 +44,7 @@ def diagnose_curves(
     *,
     name: str = "mode",
     mode: int = 0,
-    companions: Sequence[Companion] = (),
+    interacting_modes: Sequence[InteractingMode] = (),
     own: Sequence[ModalCurves] = (),
     hypotheses: tuple[str, ...] = (),
     starts: int = 64,
@@ -80,7 +80,7 @@ def diagnose_curves(
         Replaces those of :func:`iwanjax.modal_parameters` by name.
     name, mode : str, int
         What the verdict calls the mode, and its index.
-    companions : sequence of Companion
+    companions : sequence of InteractingMode
         Other modes that moved at the same time, and perhaps the same joint.
     own : sequence of ModalCurves
         All curves again, those held out last, with the estimator's deviations alone: where those
@@ -122,7 +122,7 @@ def diagnose_curves(
         raise InputError("diagnose_curves: no curves to fit; expected at least one ModalCurves")
     if len({each.quantity for each in (*several, *others)}) > 1:
         raise InputError("diagnose_curves: the curves are against different quantities")
-    _check_levels((*several, *others), companions, own)
+    _check_levels((*several, *others), interacting_modes, own)
     highest = max(float(np.max(each.frequency)) for each in several)
     doubted, others_doubted, own_doubted = (
         tuple(_doubted(each, highest) for each in given) for given in (several, others, own)
@@ -145,7 +145,7 @@ def diagnose_curves(
     by_itself = modal_problem(kind, own_doubted[: len(several)], row, "absolute") if own else base
     # Beside what can be there: a law of the joint's that is of another shape.
     active = [fit for fit in found if fit.gives_energy]
-    for other in companions if modal else ():
+    for other in interacting_modes if modal else ():
         if time.perf_counter() - started >= budget:
             complete = False
             break
@@ -161,7 +161,7 @@ def diagnose_curves(
         passive += [fit] if math.isfinite(fit.cost) else []
     elif more is not None:
         complete = False
-    standing = Standing[CurveFit | CoupledFit | JointFit].of(alone, [*passive, *together])
+    standing = Ranking[CurveFit | CoupledFit | JointFit].of(alone, [*passive, *together])
 
     def seen(
         fit: CurveFit | CoupledFit | JointFit,
@@ -202,11 +202,15 @@ def _doubted(curves: ModalCurves, highest: float) -> ModalCurves:
 
 
 def _check_levels(
-    measured: Sequence[ModalCurves], companions: Sequence[Companion], own: Sequence[ModalCurves]
+    measured: Sequence[ModalCurves],
+    interacting_modes: Sequence[InteractingMode],
+    own: Sequence[ModalCurves],
 ) -> None:
     """Refuse what does not go level by level with the curves."""
     levels = [each.amplitude.size for each in measured]
-    given = {f"companion {each.name}": [len(x) for x in each.amplitude] for each in companions}
+    given = {
+        f"companion {each.name}": [len(x) for x in each.amplitude] for each in interacting_modes
+    }
     if own:
         given["own"] = [each.amplitude.size for each in own]
     for what, sizes in given.items():
@@ -240,7 +244,7 @@ def _active(active: Sequence[CurveFit], chosen: CurveFit | CoupledFit | JointFit
     told = []
     for fit in active:
         assert fit.force is not None
-        if fit.cost < (1.0 - INDULGENCE) * chosen.cost:
+        if fit.cost < (1.0 - MODEL_ERROR_ALLOWANCE) * chosen.cost:
             told.append(
                 f"A {fit.force.kind.name} of negative size would explain more, but gives energy to "
                 "the mode: the joint's own damping changes with amplitude in another way than its "

@@ -13,15 +13,15 @@ from iwanjax.discrepancy.steady.concluding import concluded, parameters_refitted
 from iwanjax.discrepancy.steady.left_out import joint_estimates, joint_kind
 from iwanjax.discrepancy.steady.loop_run import LoopRun
 from iwanjax.discrepancy.steady.loops import (
-    Driven,
     LoopFit,
+    LoopHistories,
     driven,
     loops_alone,
     loops_beside,
     noise_of,
 )
 from iwanjax.discrepancy.steady.loops_with_joint import TwoJointsFit, loops_with_joint
-from iwanjax.discrepancy.steady.one_joint import Standing, estimates_of, tried
+from iwanjax.discrepancy.steady.one_joint import Ranking, estimates_of, tried
 from iwanjax.discrepancy.steady.starts import slopes
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
@@ -141,7 +141,7 @@ def diagnose_loops(
         tried_all += [fit] if math.isfinite(fit.cost) else []
     elif more is not None:
         complete = False
-    standing = Standing[LoopFit | TwoJointsFit].of(alone, tried_all)
+    standing = Ranking[LoopFit | TwoJointsFit].of(alone, tried_all)
     whole = driven(together, deviations, len(several), at_rest, math.inf)
 
     def run(fit: LoopFit | TwoJointsFit) -> LoopRun:
@@ -170,7 +170,7 @@ def _alike(found_by: Mapping[bool, LoopFit]) -> bool:
 
 
 def _along(
-    fit: LoopFit | TwoJointsFit, whole: Driven, loops: Sequence[ForceLoop]
+    fit: LoopFit | TwoJointsFit, whole: LoopHistories, loops: Sequence[ForceLoop]
 ) -> tuple[np.ndarray, ...]:
     """Predicted forces of each loop, with the offset that suits it best."""
     found = []

@@ -13,7 +13,7 @@ from iwanjax.discrepancy.effects import ForceKind, kinds_of
 from iwanjax.discrepancy.steady.concluding import concluded, parameters_refitted
 from iwanjax.discrepancy.steady.curve_run import CurveRun, ModesRun
 from iwanjax.discrepancy.steady.differences import clear_differences
-from iwanjax.discrepancy.steady.left_out import Added, joint_estimates, joint_kind
+from iwanjax.discrepancy.steady.left_out import AddedJoint, joint_estimates, joint_kind
 from iwanjax.discrepancy.steady.modes import (
     STARTS,
     Looked,
@@ -23,7 +23,7 @@ from iwanjax.discrepancy.steady.modes import (
     modes_beside,
 )
 from iwanjax.discrepancy.steady.modes_with_joint import modes_with_joint
-from iwanjax.discrepancy.steady.one_joint import Standing, estimates_of
+from iwanjax.discrepancy.steady.one_joint import Ranking, estimates_of
 from iwanjax.discrepancy.steady.starts import slopes
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
@@ -169,14 +169,16 @@ def diagnose_modes(
         fit = modes_with_joint(alone, more, place, several, row, groups, found)
         if fit is not None and math.isfinite(fit.cost):
             found.append(fit)
-    standing = Standing.of(alone, found)
+    standing = Ranking.of(alone, found)
     before = _run(alone, several, others)
     return concluded(
         standing,
         "",
         lambda fit: (before, _run(fit, several, others)),
         len(modes),
-        lambda fit: joint_estimates(fit) if isinstance(fit.force, Added) else estimates_of(fit),
+        lambda fit: (
+            joint_estimates(fit) if isinstance(fit.force, AddedJoint) else estimates_of(fit)
+        ),
         observables=lambda before: tuple(
             each
             for mode, run, called in zip(modes, before.modes, before.labels, strict=True)

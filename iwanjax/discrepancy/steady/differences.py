@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from iwanjax.discrepancy.observables import _CLEAR, Observable
+from iwanjax.discrepancy.observables import CLEAR, Observable
 from iwanjax.discrepancy.steady.curve_run import CurveRun
 
 # Of curves, level by level: share of the levels that have to differ so clearly.
@@ -17,7 +17,7 @@ def clear_differences(run: CurveRun, mode: int, called: str) -> tuple[Observable
         for quantity in ("frequency", "damping"):
             y, std = (np.asarray(getattr(seen, quantity + end)) for end in ("", "_std"))
             off = np.asarray(getattr(model, quantity)) - y
-            clear = np.abs(off) > _CLEAR * std
+            clear = np.abs(off) > CLEAR * std
             if clear.mean() > _ENOUGH:
                 span = (float(x[clear].min()), float(x[clear].max()))
                 percent = 100.0 * float(np.median(off[clear] / y[clear]))

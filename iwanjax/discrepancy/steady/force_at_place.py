@@ -14,7 +14,7 @@ from iwanjax.updating.problem import AbstractProblem, Measured, Reference
 from iwanjax.updating.structural import StructuralProblem
 
 
-class Force(AbstractCyclic):
+class CyclicForce(AbstractCyclic):
     """A force of some size, from what one of unit size does at some amplitudes.
 
     Attributes
@@ -59,7 +59,7 @@ class WithForceAt(AbstractProblem):
     ----------
     row : (modes,) array
         Deflection of the force's place per unit modal displacement.
-    level, unit : as of :class:`Force`
+    level, unit : as of :class:`CyclicForce`
     """
 
     measured: Measured
@@ -97,7 +97,7 @@ class WithForceAt(AbstractProblem):
         base = self.base
         structure = base.jointed(theta[:-1])
         basis, modes = structure.basis, jnp.asarray(base.modes)
-        force = Force(self.level, self.unit, theta[-1])
+        force = CyclicForce(self.level, self.unit, theta[-1])
         return backbones(
             basis,
             jnp.concatenate([basis.P, self.row[None]]),

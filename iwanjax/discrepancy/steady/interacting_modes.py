@@ -13,7 +13,13 @@ from jaxtyping import Array, Float
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.effects import ModeKind
 from iwanjax.discrepancy.evidence import correlation_time
-from iwanjax.discrepancy.steady.one_joint import Deviations, Moved, linearised, to_size, to_variable
+from iwanjax.discrepancy.steady.one_joint import (
+    Deviations,
+    MovedJoint,
+    linearised,
+    to_size,
+    to_variable,
+)
 from iwanjax.discrepancy.steady.starts import least_cost, slopes
 from iwanjax.joints import AbstractJoint
 from iwanjax.quasistatic.modal import Beside
@@ -36,7 +42,7 @@ _RATIOS, _EVERY, _NEARER = (0.1, 0.3, 1.0, 3.0), 16, (1.0, 0.9, 1.1, 1.3)
 _ROUGH, _FINE = 1e-3, 1e-5
 
 
-class Companion(NamedTuple):
+class InteractingMode(NamedTuple):
     """Another mode that moved while one rang down.
 
     Attributes
@@ -55,7 +61,7 @@ class Companion(NamedTuple):
     amplitude: tuple[np.ndarray, ...]
 
 
-class WithCompanion(AbstractProblem):
+class WithInteractingMode(AbstractProblem):
     r"""A mode's joint that is moved by q sin(omega t) and, ratio times, by another mode.
 
     Attributes
@@ -171,11 +177,11 @@ class CoupledFit:
 
     Attributes
     ----------
-    force : Moved
+    force : MovedJoint
         The kind.
-    companion : Companion
+    companion : InteractingMode
         The other mode.
-    problem : WithCompanion
+    problem : WithInteractingMode
         What was searched, with the estimator's deviations.
     theta : (parameters,) array
         Where it ended; the last is the ratio.
@@ -185,9 +191,9 @@ class CoupledFit:
         What the same likelihood is worth with the deviations that the joint alone is judged by.
     """
 
-    force: Moved
-    companion: Companion
-    problem: WithCompanion
+    force: MovedJoint
+    interacting: InteractingMode
+    problem: WithInteractingMode
     theta: np.ndarray
     left: float
     cost: float
@@ -210,7 +216,7 @@ class CoupledFit:
     def predicted(self, curves: ModalCurves, which: int) -> ModalCurves:
         """The model at the amplitudes of the curve of this number."""
         seen = curves.as_quantity("displacement")
-        other = jnp.asarray(self.companion.amplitude[which])
+        other = jnp.asarray(self.interacting.amplitude[which])
         f, zeta = _at(self.problem, jnp.asarray(self.theta), seen.amplitude, other, seen.largest)
         return ModalCurves(
             curves.amplitude, f, zeta, quantity=curves.quantity, unit=curves.unit, name=curves.name
@@ -240,7 +246,7 @@ def fit_coupled(
     joint: np.ndarray,
     draws: np.ndarray,
     kind: ModeKind,
-    companion: Companion,
+    interacting: InteractingMode,
 ) -> CoupledFit | None:
     r"""The joint and another mode that moves it; None where that did not move at all.
 
@@ -265,10 +271,10 @@ def fit_coupled(
         alone ends far from the truth.
     kind : ModeKind
         What it is called.
-    companion : Companion
+    companion : InteractingMode
         The other mode.
     """
-    problem = _with(base, companion)
+    problem = _with(base, interacting)
     if not bool(jnp.any(problem.other > 0.0)):
         return None
     joints = np.concatenate([joint[None], draws[::_EVERY]])
@@ -276,11 +282,11 @@ def fit_coupled(
         [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in _RATIOS]
     )
     _, theta = least_cost(problem, starts, len(starts), len(_RATIOS), _ROUGH)
-    problem = _with(own, companion)
+    problem = _with(own, interacting)
     starts = np.tile(theta, (len(_NEARER), 1))
     starts[:, -1] *= _NEARER
     left, theta = least_cost(problem, starts, len(starts), 1, _FINE)
-    return CoupledFit(Moved(kind), companion, problem, theta, left, _worth(base, own, left))
+    return CoupledFit(MovedJoint(kind), interacting, problem, theta, left, _worth(base, own, left))
 
 
 def _worth(base: ModalProblem, own: ModalProblem, left: float) -> float:
@@ -297,16 +303,16 @@ def _worth(base: ModalProblem, own: ModalProblem, left: float) -> float:
     return left / factor + count * math.log(factor) + 2.0 * narrower
 
 
-def _with(base: ModalProblem, companion: Companion) -> WithCompanion:
+def _with(base: ModalProblem, interacting: InteractingMode) -> WithInteractingMode:
     measured = base.measured
-    omega = 2.0 * math.pi * np.array([float(jnp.mean(measured.frequency)), companion.frequency])
-    return WithCompanion(
+    omega = 2.0 * math.pi * np.array([float(jnp.mean(measured.frequency)), interacting.frequency])
+    return WithInteractingMode(
         measured=measured,
         chart=base.chart,
         names=(*base.names, "ratio"),
         reference=base.reference,
         base=base,
-        other=jnp.asarray(np.concatenate(companion.amplitude[: len(measured.slices)])),
+        other=jnp.asarray(np.concatenate(interacting.amplitude[: len(measured.slices)])),
         omega=jnp.asarray(omega),
         # Rounded up, so that modes of about the same ratio share a kernel.
         steps=_BLOCK * math.ceil(_CYCLES * _SAMPLES * omega.max() / omega.min() / _BLOCK),
@@ -315,6 +321,6 @@ def _with(base: ModalProblem, companion: Companion) -> WithCompanion:
 
 @eqx.filter_jit
 def _at(
-    problem: WithCompanion, theta: Array, q: Array, other: Array, largest: Array | None
+    problem: WithInteractingMode, theta: Array, q: Array, other: Array, largest: Array | None
 ) -> tuple[Array, Array]:
     return problem.at(theta, q, other, largest)

@@ -15,7 +15,7 @@ VALUES = len(IWAN_PARAMETERS)
 _ALL_AT_ONCE = 30.0
 
 
-class Added(NamedTuple):
+class AddedJoint(NamedTuple):
     """A whole joint, and the place of a structure where it acts; its shape is its own affair."""
 
     kind: Kind
@@ -23,7 +23,7 @@ class Added(NamedTuple):
     where: str = ""
 
 
-class WithAdded(Protocol):
+class WithAddedJoint(Protocol):
     """A fit that may hold one."""
 
     def added(self) -> tuple[np.ndarray, np.ndarray]:
@@ -36,7 +36,7 @@ def joint_kind(hypotheses: tuple[str, ...]) -> Kind | None:
     return next((kind for kind in kinds_of(hypotheses) if kind.name == "iwan_joint"), None)
 
 
-def joint_estimates(fit: WithAdded) -> tuple[Estimate, ...]:
+def joint_estimates(fit: WithAddedJoint) -> tuple[Estimate, ...]:
     """Parameters of a joint left out, with deviations."""
     rows = zip(IWAN_PARAMETERS, *(x.tolist() for x in fit.added()), strict=True)
     return tuple(Estimate(*each) for each in rows)

@@ -11,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import ForceKind, Motion, Scales
+from iwanjax.discrepancy.effects import ForceKind, PlaceMotion, Scales
 from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.steady.one_joint import (
     Deviations,
-    Named,
+    PlacedForce,
     best_of,
     deviations_of,
     over_shapes,
@@ -40,7 +40,7 @@ _VALUES = 300
 _BY_RATE = 1e-6
 
 
-class Driven(eqx.Module):
+class LoopHistories(eqx.Module):
     """Loops side by side, each after what leads to it from rest.
 
     Attributes
@@ -77,7 +77,7 @@ def driven(
     fitted: int,
     at_rest: bool,
     most: float = _VALUES,
-) -> Driven:
+) -> LoopHistories:
     """Loops, of which the first ones are to be fitted, each by so many values at most.
 
     Those that may begin at rest do so, or on the outermost loop like the others.
@@ -90,7 +90,7 @@ def driven(
         d[i] = loop.d[-1]
         d[i, :2], d[i, 2:end], force[i, 2:end] = loop.before(at_rest), loop.d[at], loop.force[at]
         weight[i, 2:end] = 1.0 / deviation if i < fitted else 0.0
-    return Driven(jnp.asarray(d), jnp.asarray(force), jnp.asarray(weight))
+    return LoopHistories(jnp.asarray(d), jnp.asarray(force), jnp.asarray(weight))
 
 
 def _drawing(d: np.ndarray, most: float) -> np.ndarray:
@@ -113,7 +113,7 @@ class JointAndForce(AbstractLeastSquares):
     chart: Chart
     names: tuple[str, ...] = eqx.field(static=True)
     joint: AbstractJoint
-    loops: Driven
+    loops: LoopHistories
     unit: Float[Array, "loops N"]
     scale: Array
     positive: Array
@@ -147,7 +147,7 @@ class LoopFit:
 
     Attributes
     ----------
-    force : Named or None
+    force : PlacedForce or None
         None for the joint alone.
     problem : JointAndForce
         What was searched.
@@ -157,7 +157,7 @@ class LoopFit:
         Sum of squared residuals over their deviations.
     """
 
-    force: Named | None
+    force: PlacedForce | None
     problem: JointAndForce
     theta: np.ndarray
     cost: float
@@ -173,7 +173,7 @@ class LoopFit:
         """Values that were measured."""
         return int(np.count_nonzero(np.asarray(self.problem.loops.weight)))
 
-    def forces(self, loops: Driven) -> np.ndarray:
+    def forces(self, loops: LoopHistories) -> np.ndarray:
         """Predicted, without offsets, (loops, N)."""
         unit = (
             0.0 * loops.d
@@ -226,7 +226,7 @@ def quasi_static(kind: ForceKind, d: Float[Array, "loops N"]) -> bool:
 def _along(kind: ForceKind, shape: Array, d: Array, dt: Array) -> Array:
     def step(memory: Array, motion: tuple[Array, Array]) -> tuple[Array, Array]:
         to, moved = motion
-        there = Motion(to, moved / dt, jnp.zeros_like(to), moved, dt)
+        there = PlaceMotion(to, moved / dt, jnp.zeros_like(to), moved, dt)
         force, memory = kind.unit_force(there, shape, memory)
         return memory, jnp.broadcast_to(force, to.shape)
 
@@ -235,7 +235,7 @@ def _along(kind: ForceKind, shape: Array, d: Array, dt: Array) -> Array:
 
 
 def loops_alone(
-    joint: AbstractJoint, parameters: Sequence[Parameter], loops: Driven, draws: np.ndarray
+    joint: AbstractJoint, parameters: Sequence[Parameter], loops: LoopHistories, draws: np.ndarray
 ) -> LoopFit:
     """The joint alone, from draws of its parameters (starts, parameters)."""
     names = (*(p.name.rpartition(".")[2] for p in parameters), "size")
@@ -268,7 +268,7 @@ def loops_beside(
             (unit, jnp.asarray(largest), jnp.asarray(float(kind.positive))),
         )
         sizes = np.abs(sizes) if kind.positive else sizes
-        return _searched(Named(kind, shape), problem, np.column_stack([few, sizes]))
+        return _searched(PlacedForce(kind, shape), problem, np.column_stack([few, sizes]))
 
     begin = kind.shapes(Scales(loops.largest, 1.0))
     if kind.shape is not None:
@@ -277,7 +277,7 @@ def loops_beside(
     return at(begin[0])
 
 
-def _searched(force: Named | None, problem: JointAndForce, starts: np.ndarray) -> LoopFit:
+def _searched(force: PlacedForce | None, problem: JointAndForce, starts: np.ndarray) -> LoopFit:
     cost, theta = least_cost(problem, starts, _STARTS, _RUNS)
     return LoopFit(force, problem, theta, cost)
 

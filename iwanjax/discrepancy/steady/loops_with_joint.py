@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import Kind
 from iwanjax.discrepancy.evidence import correlation_time
-from iwanjax.discrepancy.steady.left_out import VALUES, Added, as_slider
-from iwanjax.discrepancy.steady.loops import Driven, JointAndForce, LoopFit
+from iwanjax.discrepancy.steady.left_out import VALUES, AddedJoint, as_slider
+from iwanjax.discrepancy.steady.loops import JointAndForce, LoopFit, LoopHistories
 from iwanjax.discrepancy.steady.one_joint import Deviations, linearised
 from iwanjax.discrepancy.steady.starts import least_cost, slopes
 from iwanjax.joints import Iwan4
@@ -46,11 +46,13 @@ class TwoJoints(AbstractLeastSquares):
         mine = self.base.chart.to_variables(theta[:-VALUES])
         return jnp.concatenate([mine, self.own.to_variables(theta[-VALUES:])])
 
-    def along(self, theta: Float[Array, " parameters"], loops: Driven) -> Float[Array, "loops N"]:
+    def along(
+        self, theta: Float[Array, " parameters"], loops: LoopHistories
+    ) -> Float[Array, "loops N"]:
         """What the other joint does along deflections."""
         return hysteresis(Iwan4(*theta[-VALUES:]), loops.d, sliders=None)
 
-    def joined(self, theta: Float[Array, " parameters"], loops: Driven) -> JointAndForce:
+    def joined(self, theta: Float[Array, " parameters"], loops: LoopHistories) -> JointAndForce:
         """The joint with what the other does as a force of size one."""
         both = (loops, self.along(theta, loops))
         return eqx.tree_at(lambda p: (p.loops, p.unit), self.base, both)
@@ -59,7 +61,7 @@ class TwoJoints(AbstractLeastSquares):
         """Predicted less measured over deviations, each loop without its mean."""
         return self.joined(theta, self.base.loops).residuals(jnp.append(theta[:-VALUES], 1.0))
 
-    def predict(self, theta: Float[Array, " parameters"], loops: Driven) -> Array:
+    def predict(self, theta: Float[Array, " parameters"], loops: LoopHistories) -> Array:
         """Forces along deflections, without offsets."""
         return self.joined(theta, loops).predict(jnp.append(theta[:-VALUES], 1.0))
 
@@ -70,7 +72,7 @@ class TwoJointsFit:
 
     Attributes
     ----------
-    force : Added
+    force : AddedJoint
         The kind.
     problem : TwoJoints
         What was searched.
@@ -80,7 +82,7 @@ class TwoJointsFit:
         Sum of squared residuals over their deviations.
     """
 
-    force: Added
+    force: AddedJoint
     problem: TwoJoints
     theta: np.ndarray
     cost: float
@@ -95,7 +97,7 @@ class TwoJointsFit:
         """Values that were measured."""
         return int(np.count_nonzero(np.asarray(self.problem.base.loops.weight)))
 
-    def forces(self, loops: Driven) -> np.ndarray:
+    def forces(self, loops: LoopHistories) -> np.ndarray:
         """Predicted, without offsets, (loops, N)."""
         return np.asarray(_predicted(self.problem, jnp.asarray(self.theta), loops))
 
@@ -156,7 +158,7 @@ def loops_with_joint(alone: LoopFit, kind: Kind, found: Sequence[LoopFit]) -> Tw
         starts.insert(0, np.append(fit.theta[:-1], slider))
     rows = np.resize(np.array(starts), (_STARTS, len(starts[0])))
     cost, theta = least_cost(problem, rows, _STARTS, _RUNS)
-    return TwoJointsFit(Added(kind), problem, theta, cost)
+    return TwoJointsFit(AddedJoint(kind), problem, theta, cost)
 
 
 def _joint(F_S: float, slip: float) -> np.ndarray:
@@ -165,5 +167,5 @@ def _joint(F_S: float, slip: float) -> np.ndarray:
 
 
 @eqx.filter_jit
-def _predicted(problem: TwoJoints, theta: Array, loops: Driven) -> Array:
+def _predicted(problem: TwoJoints, theta: Array, loops: LoopHistories) -> Array:
     return problem.predict(theta, loops)

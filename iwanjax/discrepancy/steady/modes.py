@@ -16,10 +16,10 @@ from iwanjax.discrepancy.effects import ForceKind, Scales
 from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.steady.cycle import beside
 from iwanjax.discrepancy.steady.force_at_place import WithForceAt
-from iwanjax.discrepancy.steady.left_out import VALUES, Added
+from iwanjax.discrepancy.steady.left_out import VALUES, AddedJoint
 from iwanjax.discrepancy.steady.one_joint import (
     Deviations,
-    Named,
+    PlacedForce,
     best_of,
     deviations_of,
     linearised,
@@ -50,7 +50,7 @@ class ModesFit:
 
     Attributes
     ----------
-    force : Named, Added or None
+    force : PlacedForce, AddedJoint or None
         None for the joints alone; a joint left out is one of the structure's own.
     problem : WithForceAt
         What was searched.
@@ -60,7 +60,7 @@ class ModesFit:
         Sum of squared residuals over their deviations.
     """
 
-    force: Named | Added | None
+    force: PlacedForce | AddedJoint | None
     problem: WithForceAt
     theta: np.ndarray
     cost: float
@@ -68,7 +68,7 @@ class ModesFit:
     @property
     def unknowns(self) -> int:
         """Values that were adjusted."""
-        own = 1 + (self.force.kind.shape is not None) if isinstance(self.force, Named) else 0
+        own = 1 + (self.force.kind.shape is not None) if isinstance(self.force, PlacedForce) else 0
         shifts = len(self.problem.base.modes) * (self.problem.reference == "shift")
         return len(self.problem.base.chart.free) + shifts + own
 
@@ -91,10 +91,10 @@ class ModesFit:
 
     def deviations(self) -> Deviations:
         """Of the force's size and shape, linearised; NaN without one."""
-        force = self.force if isinstance(self.force, Named) else None
+        force = self.force if isinstance(self.force, PlacedForce) else None
 
         def reshaped(factor: float) -> np.ndarray:
-            assert isinstance(self.force, Named)
+            assert isinstance(self.force, PlacedForce)
             force = self.force._replace(shape=self.force.shape * factor)
             unit = _unit(force, self.problem.level, self.problem.measured)
             changed = eqx.tree_at(lambda p: p.unit, self.problem, unit)
@@ -121,7 +121,7 @@ class ModesFit:
         """Places of the parameters of the structure that was given: no joint left out, no force."""
         ratios = len(self.theta) - 1 - len(self.problem.base.modes)
         places = np.arange(len(self.theta) - 1)
-        if isinstance(self.force, Added):
+        if isinstance(self.force, AddedJoint):
             # Its own are the last of the joints', before the modes' damping.
             return np.delete(places, np.arange(ratios - VALUES, ratios))
         return places
@@ -203,7 +203,7 @@ def glanced(looked: Looked, kind: ForceKind, where: str, row: np.ndarray) -> Mod
     shares = np.outer(signs, np.geomspace(1.0, 10.0**-_DECADES, _DECADES * _EACH + 1)).ravel()
 
     def at(shape: float) -> ModesFit | None:
-        force = Named(kind, shape, where)
+        force = PlacedForce(kind, shape, where)
         unit = _unit(force, level, base.measured)
         largest = _largest(unit, level, d, base)
         if largest is None:
@@ -225,9 +225,9 @@ def glanced(looked: Looked, kind: ForceKind, where: str, row: np.ndarray) -> Mod
 def modes_beside(alone: ModesFit, glance: ModesFit, draws: np.ndarray) -> ModesFit:
     """The joints and a force at a place, from a glance and from some draws of the joints."""
     looked, start = glance.force, glance.theta[-1]
-    assert isinstance(looked, Named)
+    assert isinstance(looked, PlacedForce)
 
-    def at(force: Named) -> ModesFit:
+    def at(force: PlacedForce) -> ModesFit:
         problem = glance.problem
         if force.shape != looked.shape:
             unit = _unit(force, problem.level, problem.measured)
@@ -261,7 +261,7 @@ def _problem(
     )
 
 
-def _fit(problem: WithForceAt, force: Named | None, starts: np.ndarray) -> ModesFit:
+def _fit(problem: WithForceAt, force: PlacedForce | None, starts: np.ndarray) -> ModesFit:
     if force is None and not problem.base.chart.free:
         # A structure without joints is what it is.
         left = np.concatenate([*problem.compared(*_at_levels(problem, starts[0]))])
@@ -285,7 +285,7 @@ def _deflections(d: np.ndarray) -> np.ndarray:
     return np.geomspace(low / _REACH, high * _REACH, _DEFLECTIONS, axis=1)
 
 
-def _unit(force: Named, level: Array, measured: Measured) -> Beside:
+def _unit(force: PlacedForce, level: Array, measured: Measured) -> Beside:
     """What a force of unit size does, (curves, deflections); its loss over d^2."""
     d = np.exp(np.asarray(level))
     unit = beside(

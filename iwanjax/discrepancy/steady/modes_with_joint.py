@@ -9,9 +9,9 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.steady.left_out import VALUES, Added, as_slider
+from iwanjax.discrepancy.steady.left_out import VALUES, AddedJoint, as_slider
 from iwanjax.discrepancy.steady.modes import ModesFit, modes_alone
-from iwanjax.discrepancy.steady.one_joint import Named
+from iwanjax.discrepancy.steady.one_joint import PlacedForce
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.structures import JointedStructure
 from iwanjax.updating.parameters import Parameter
@@ -83,7 +83,7 @@ def modes_with_joint(
     sliders = [
         as_slider(float(fit.theta[-1]), fit.force.shape)
         for fit in sorted(beside, key=lambda each: each.cost)
-        if isinstance(fit.force, Named)
+        if isinstance(fit.force, PlacedForce)
         and (fit.force.kind.name, fit.force.where) == ("coulomb_friction", label)
     ]
     starts = np.array([*sliders[:2], *guesses][:_STARTS])
@@ -105,7 +105,7 @@ def modes_with_joint(
     again = np.tile(found.theta[:-1], (len(_AGAIN), 1))
     again[:, [first, first + VALUES - 1]] *= _AGAIN
     second = fitted(Iwan4(*found.theta[first : first + VALUES]), again)
-    return replace(second, force=Added(kind, where=label))
+    return replace(second, force=AddedJoint(kind, where=label))
 
 
 def _joints(structure: JointedStructure) -> dict[str, tuple[np.ndarray, AbstractJoint]]:

@@ -11,8 +11,8 @@ from jaxtyping import Array
 from iwanjax.discrepancy.diagnosis import Suspect
 from iwanjax.discrepancy.effects import ForceKind, ModeKind
 from iwanjax.discrepancy.estimate import SURE, Estimate
-from iwanjax.discrepancy.evidence import INDULGENCE, LEAST_GAIN, log_evidence
-from iwanjax.discrepancy.steady.left_out import Added, WithAdded
+from iwanjax.discrepancy.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE, log_evidence
+from iwanjax.discrepancy.steady.left_out import AddedJoint, WithAddedJoint
 
 # Shapes tried, how far they go beyond those of the catalogue, how often the best is bracketed, and
 # how often a parabola then says where the best of all is.
@@ -23,7 +23,7 @@ _RESHAPED = 1e-2
 _NEAR = 1.3
 
 
-class Named(NamedTuple):
+class PlacedForce(NamedTuple):
     """A force with its shape, if any, and the place of a structure where it acts."""
 
     kind: ForceKind
@@ -31,7 +31,7 @@ class Named(NamedTuple):
     where: str = ""
 
 
-class Moved(NamedTuple):
+class MovedJoint(NamedTuple):
     """What else moves a mode's joint: of one shape only, and at no other place."""
 
     kind: ModeKind
@@ -62,7 +62,7 @@ class Explained(Protocol):
     """Measurements of one joint, explained by it and at most one force."""
 
     @property
-    def force(self) -> Named | Moved | Added | None:
+    def force(self) -> PlacedForce | MovedJoint | AddedJoint | None:
         """None for the joint alone."""
         ...
 
@@ -137,7 +137,7 @@ def linearised(slopes: np.ndarray, cost: float, tau: float) -> np.ndarray:
 
 
 def deviations_of(
-    force: Named | None,
+    force: PlacedForce | None,
     slopes: Callable[[], np.ndarray],
     reshaped: Callable[[float], np.ndarray],
     cost: float,
@@ -147,7 +147,7 @@ def deviations_of(
 
     Parameters
     ----------
-    force : Named or None
+    force : PlacedForce or None
         With its shape.
     slopes : function
         Of the residuals in all parameters, the last of which is the size.
@@ -188,8 +188,8 @@ def determined(fit: Explained) -> bool:
     Of a joint left out either strength or stiffness: the one is not known where it only sticks,
     the other where it only slips.
     """
-    if isinstance(fit.force, Added):
-        values, std = cast(WithAdded, fit).added()
+    if isinstance(fit.force, AddedJoint):
+        values, std = cast(WithAddedJoint, fit).added()
         return bool(np.any(values[:2] > SURE * std[:2]))
     return abs(float(fit.theta[-1])) > SURE * fit.deviations().at_shape
 
@@ -290,14 +290,14 @@ def _vertex(fits: Sequence[Explained]) -> float | None:
     return shapes[i] * math.exp(-0.5 * slope / bend) if bend > 0 else None
 
 
-class Entry(NamedTuple, Generic[Fit]):
+class Weighed(NamedTuple, Generic[Fit]):
     """A fit and its log evidence."""
 
     fit: Fit
     value: float
 
 
-class Standing(NamedTuple, Generic[Fit]):
+class Ranking(NamedTuple, Generic[Fit]):
     """Fits by evidence.
 
     Attributes
@@ -306,16 +306,16 @@ class Standing(NamedTuple, Generic[Fit]):
         The joint on its own.
     nothing : float
         Its log evidence, and how much likelier it is before the data.
-    entries : tuple of Entry
+    entries : tuple of Weighed
         What may act beside it, the best first.
     """
 
     alone: Fit
     nothing: float
-    entries: tuple[Entry[Fit], ...]
+    entries: tuple[Weighed[Fit], ...]
 
     @classmethod
-    def of(cls, alone: Fit, found: Sequence[Fit]) -> "Standing[Fit]":
+    def of(cls, alone: Fit, found: Sequence[Fit]) -> "Ranking[Fit]":
         """By evidence, the best of every kind at a place only.
 
         A force whose size is not determined is none, where one would be the verdict. Rivals are
@@ -341,13 +341,13 @@ class Standing(NamedTuple, Generic[Fit]):
 
         def values(temperature: float) -> np.ndarray:
             known = log_evidence(costs, unknowns, alone.count, temperature, tau)
-            known[0] += INDULGENCE * alone.cost / (2.0 * temperature * tau)
+            known[0] += MODEL_ERROR_ALLOWANCE * alone.cost / (2.0 * temperature * tau)
             return known
 
         strict, own = values(1.0), values(temperature)[1:]
         gain = float(strict[1:].max() - strict[0]) if own.size else 0.0
         nothing = (float(own.max()) if own.size else 0.0) - gain + LEAST_GAIN
-        entries = [Entry(fit, float(v)) for fit, v in zip(best.values(), own, strict=True)]
+        entries = [Weighed(fit, float(v)) for fit, v in zip(best.values(), own, strict=True)]
         # Of those that are alike to rounding the one that was tried first, the simplest, leads:
         # the others are as good, not better.
         entries.sort(key=lambda each: -round(each.value, 1))

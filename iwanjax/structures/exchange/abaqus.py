@@ -13,10 +13,10 @@ from iwanjax.errors import InputError
 from iwanjax.structures.exchange.abaqus_elements import assembled_elements
 from iwanjax.structures.exchange.contents import Contents, Matrix, sparse_matrix
 from iwanjax.structures.exchange.coordinates import coordinate_matrix, without_diagonal
-from iwanjax.structures.exchange.keywords import Section, sections
+from iwanjax.structures.exchange.keywords import KeywordBlock, sections
 from iwanjax.structures.exchange.matrices import mirrored, one_sided
 from iwanjax.structures.exchange.node_map import NodeMap
-from iwanjax.structures.exchange.text import Table, number_table, text_lines
+from iwanjax.structures.exchange.text import NumberTable, number_table, text_lines
 
 # What Abaqus puts on the diagonal of the stiffness for a DOF that a boundary condition holds.
 _FIXED = 1e36
@@ -60,7 +60,7 @@ def read_abaqus(path: Path) -> Contents:
     return _labelled(named)
 
 
-def _table(part: Section) -> Table:
+def _table(part: KeywordBlock) -> NumberTable:
     table = number_table(part.lines, (5, 3), part.start)
     factor = part.options.get("SCALE FACTOR", "1")
     try:
@@ -70,7 +70,7 @@ def _table(part: Section) -> Table:
     return table
 
 
-def _labelled(tables: Mapping[str, Table]) -> Contents:
+def _labelled(tables: Mapping[str, NumberTable]) -> Contents:
     """Matrices of lines that name node and DOF, all on the DOFs of any of them."""
     pairs = {}
     for name, table in tables.items():

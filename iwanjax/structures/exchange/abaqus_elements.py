@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from iwanjax.errors import InputError
 from iwanjax.structures.exchange.contents import Contents
-from iwanjax.structures.exchange.keywords import Section
+from iwanjax.structures.exchange.keywords import KeywordBlock
 from iwanjax.structures.exchange.node_map import Dof, NodeMap, dof_name, in_order
 from iwanjax.structures.exchange.text import number_table
 
@@ -30,7 +30,7 @@ class _Element:
     dofs: list[Dof]
 
 
-def assembled_elements(parts: Sequence[Section]) -> Contents:
+def assembled_elements(parts: Sequence[KeywordBlock]) -> Contents:
     """M and K summed over the elements of a file.
 
     Raises
@@ -74,7 +74,7 @@ def assembled_elements(parts: Sequence[Section]) -> Contents:
     return Contents(matrices, NodeMap.of(labels))
 
 
-def _dofs(part: Section) -> list[Dof]:
+def _dofs(part: KeywordBlock) -> list[Dof]:
     """DOFs of an element: its nodes from the comments, the active motions from the data."""
     nodes: list[int] = []
     below = False
@@ -109,7 +109,7 @@ def _dofs(part: Section) -> list[Dof]:
     return dofs
 
 
-def _square(part: Section, element: _Element) -> np.ndarray:
+def _square(part: KeywordBlock, element: _Element) -> np.ndarray:
     """An element matrix from its numbers, which are a triangle or all of it."""
     n = len(element.dofs)
     fields = [line for text in part.lines for line in text.replace(",", " ").split()]

@@ -4,10 +4,10 @@ import numpy as np
 
 from iwanjax.errors import InputError
 from iwanjax.structures.exchange.contents import Matrix, sparse_matrix
-from iwanjax.structures.exchange.text import Table
+from iwanjax.structures.exchange.text import NumberTable
 
 
-def places(table: Table) -> tuple[np.ndarray, np.ndarray, int]:
+def places(table: NumberTable) -> tuple[np.ndarray, np.ndarray, int]:
     """Rows and columns of the entries, from 0, and the size that they reach.
 
     Raises
@@ -19,7 +19,7 @@ def places(table: Table) -> tuple[np.ndarray, np.ndarray, int]:
     return rows, columns, int(max(rows.max(), columns.max())) + 1
 
 
-def coordinate_matrix(table: Table) -> Matrix:
+def coordinate_matrix(table: NumberTable) -> Matrix:
     """A stiffness or mass of the size that its entries reach.
 
     Raises

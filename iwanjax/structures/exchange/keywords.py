@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Section:
+class KeywordBlock:
     """A keyword and what stands below it.
 
     Attributes
@@ -33,9 +33,9 @@ class Section:
     start: int
 
 
-def sections(lines: Sequence[str]) -> list[Section]:
+def sections(lines: Sequence[str]) -> list[KeywordBlock]:
     """A file cut at its keyword lines."""
-    found = [Section("", {}, [], [], 1)]
+    found = [KeywordBlock("", {}, [], [], 1)]
     for number, line in enumerate(lines, 1):
         text = line.strip()
         if text.startswith("**"):
@@ -45,7 +45,7 @@ def sections(lines: Sequence[str]) -> list[Section]:
             keyword, *options = (part.strip() for part in text[1:].split(","))
             values = (option.partition("=") for option in options)
             settings = {name.strip().upper(): value.strip() for name, _, value in values}
-            found.append(Section(keyword.upper(), settings, [], [], number + 1))
+            found.append(KeywordBlock(keyword.upper(), settings, [], [], number + 1))
         else:
             found[-1].lines.append(text)
     return found

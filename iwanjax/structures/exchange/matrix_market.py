@@ -12,7 +12,7 @@ from iwanjax.errors import InputError
 from iwanjax.structures.exchange.contents import Contents, Matrix, sparse_matrix
 from iwanjax.structures.exchange.coordinates import places
 from iwanjax.structures.exchange.matrices import mirrored
-from iwanjax.structures.exchange.text import Table, number_table, text_lines
+from iwanjax.structures.exchange.text import NumberTable, number_table, text_lines
 
 _BANNER = "%%matrixmarket"
 _FIELDS = ("real", "double", "integer")
@@ -66,7 +66,7 @@ def _banner(line: str) -> tuple[str, str]:
     return words[1], words[3]
 
 
-def _coordinates(table: Table, size: int) -> Matrix:
+def _coordinates(table: NumberTable, size: int) -> Matrix:
     rows, columns, largest = places(table)
     if largest > size:
         raise InputError(f"an entry is in row or column {largest}; expected up to {size}, the size")

@@ -45,7 +45,7 @@ def text_lines(path: Path, *, whole: bool = True) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Table:
+class NumberTable:
     """Rows of numbers and the lines they stand in.
 
     Attributes
@@ -89,7 +89,7 @@ class Table:
         return values.astype(np.int64)
 
 
-def number_table(lines: Sequence[str], widths: Sequence[int], start: int = 1) -> Table:
+def number_table(lines: Sequence[str], widths: Sequence[int], start: int = 1) -> NumberTable:
     """Numbers separated by blanks or commas, the same count on every line.
 
     Parameters
@@ -113,7 +113,7 @@ def number_table(lines: Sequence[str], widths: Sequence[int], start: int = 1) ->
         values = np.loadtxt(io.StringIO(text), dtype=np.float64, ndmin=2, comments=None)
     except ValueError:
         raise _fault(lines, widths, start) from None
-    table = Table(values, lines, start)
+    table = NumberTable(values, lines, start)
     if values.shape[1] not in widths:
         raise _fault(lines, widths, start)
     if not np.all(np.isfinite(values)):
