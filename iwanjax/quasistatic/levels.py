@@ -1,6 +1,5 @@
 """All levels, modes and parameter sets of a quasi-static modal analysis, chunk by chunk."""
 
-import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -18,6 +17,7 @@ from iwanjax.quasistatic.condensation import Reduction, reduce_to_joints
 from iwanjax.quasistatic.equilibrium import equilibrium, joint_deflections
 from iwanjax.results import Result
 from iwanjax.structures import ModalBasis
+from iwanjax.threads import available_threads
 from iwanjax.types import is_traced
 
 # Relative Newton step above which a level counts as not solved; iteration aims ten times lower.
@@ -125,7 +125,7 @@ def solve_levels(joints: tuple[AbstractJoint, ...], task: Task) -> Levels:
             whole[start : start + count] = x[:count]
 
     block(0)
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with ThreadPoolExecutor(available_threads()) as pool:
         list(pool.map(block, range(_BLOCK, sets, _BLOCK)))
     arrays = [jnp.asarray(x) for x in out or []]
     return Levels(*arrays) if task.deflections else Levels(*arrays, deflection=None)
