@@ -1,4 +1,5 @@
 import importlib.metadata
+import importlib.resources
 import os
 import subprocess
 import sys
@@ -36,3 +37,8 @@ def test_version_is_the_installed_one():
     except importlib.metadata.PackageNotFoundError:
         pytest.skip("iwanjax runs from its sources and is not installed")
     assert iwanjax.__version__ == installed
+
+
+def test_type_checkers_are_told_that_it_is_typed():
+    """PEP 561: without the marker they take every name of the package for Any."""
+    assert (importlib.resources.files(iwanjax) / "py.typed").is_file()
