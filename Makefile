@@ -59,7 +59,7 @@ endef
 
 SYNC = $(PICK_PYTHON); "$(UV)" sync --locked --inexact --python "$$python"
 
-.PHONY: help env demo test lint bench lock clean FORCE
+.PHONY: help env demo test lint bench house lock clean FORCE
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-12s%s\n", $$1, $$2}'
@@ -80,6 +80,9 @@ lint: $(TEST) ## check style and types only
 
 bench: $(TEST) ## time the kernels, one process
 	$(BIN)/pytest tests/benchmarks --benchmark-only
+
+house: $(CORE) ## count modules, tuned numbers, laws, dependencies beside their bounds
+	@$(BIN)/python tests/house.py
 
 lock: | $(UV) ## bring uv.lock in line with pyproject.toml (UPGRADE=1: newest versions)
 	@$(PICK_PYTHON); "$(UV)" lock $(if $(UPGRADE),--upgrade) --python "$$python"
