@@ -32,7 +32,7 @@ from iwanjax.quasistatic import (
     qsma,
     work_dissipation,
 )
-from iwanjax.results import Result
+from iwanjax.results import Result, draw_with
 from iwanjax.structures import (
     AffineStructure,
     JointedStructure,
@@ -354,6 +354,15 @@ __all__ = [
     "update_linear",
     "work_dissipation",
 ]
+
+
+def _draw(result: Any, **options: Any) -> Any:
+    from iwanjax.plotting import plot
+
+    return plot(result, **options)
+
+
+draw_with(_draw)
 
 
 def __getattr__(name: str) -> Any:

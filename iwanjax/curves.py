@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult
 from iwanjax.types import ArrayLike, is_traced, real
 
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """What a sensor may measure, and how often that is differentiated in time."""
 
 
-class ModalCurves(eqx.Module):
+class ModalCurves(AbstractResult, eqx.Module):
     r"""Amplitude-dependent frequency and damping of one mode, or of a batch of them.
 
     Measured and predicted curves share this type. The last axis runs over amplitude
@@ -154,6 +155,9 @@ class ModalCurves(eqx.Module):
                 )
         power = derivatives[quantity] - derivatives[self.quantity]
         return self.scaled((2.0 * np.pi * _plain(self.frequency)) ** power, quantity, unit)
+
+    def _unit(self, name: str) -> str:
+        return self.unit if name in ("amplitude", "largest") else super()._unit(name)
 
     def _matched(self, value: ArrayLike, name: str) -> Array:
         array = real(value)

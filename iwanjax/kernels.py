@@ -8,7 +8,6 @@ import hashlib
 import os
 import pickle
 import platform
-import tempfile
 from collections.abc import Callable, Sequence
 from functools import cache, update_wrapper
 from importlib.metadata import version
@@ -18,6 +17,8 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
+
+from iwanjax.files import whole_file
 
 
 class Kept:
@@ -94,9 +95,8 @@ def _made(
     try:
         whole = pickle.dumps(serialize(compiled))
         jax.block_until_ready(_loaded(whole)(*leaves))
-        with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:
+        with whole_file(place) as file:
             file.write(whole)
-        Path(file.name).replace(place)
     # Not every backend can, nor every disk.
     except (ValueError, TypeError, OSError, NotImplementedError, jax.errors.JaxRuntimeError):
         pass

@@ -12,14 +12,16 @@ def test_no_count_has_risen():
 
 def test_the_table_names_every_count_and_room():
     told = house.table()
-    assert all(name in told for name in (*house.BOUNDS, *house.ROOM_BOUNDS))
+    assert all(name in told for name in (*house.BOUNDS, *house.MODULES))
 
 
 MODULE = Path("discrepancy/some.py")
 
 
 def tuned(text, module=MODULE):
-    return [(each.names, each.literals, each.documented) for each in house.tuned_numbers(module, text)]
+    return [
+        (each.names, each.literals, each.documented) for each in house.tuned_numbers(module, text)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -127,7 +129,8 @@ def test_dependencies_are_looked_for_in_sources_tests_and_notebooks(tmp_path):
 
 def test_a_risen_count_is_told(monkeypatch):
     monkeypatch.setitem(house.BOUNDS, "public names", 3)
-    monkeypatch.setitem(house.ROOM_BOUNDS, "report", (0, 10))
+    monkeypatch.setitem(house.MODULES, "report", 0)
+    monkeypatch.setitem(house.LONGER, "report", 10)
     told = house.risen()
     assert len(told) == 3
     assert told[0].startswith("public names: ")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 LAYERS = [
-    {"errors", "types", "curves", "results", "files", "threads", "compiler", "kernels"},
+    {"errors", "types", "curves", "results", "tables", "files", "threads", "compiler", "kernels"},
     {"joints", "signals"},
     {"structures"},
     {"quasistatic", "dynamics"},

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
+from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, as_real, require_double_precision
 
@@ -26,7 +27,7 @@ _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class CoupledModes:
+class CoupledModes(AbstractResult):
     """Result of :func:`iwanjax.coupled_modes`.
 
     Attributes

@@ -16,12 +16,12 @@ from iwanjax.joints import AbstractJoint, PowerLawDamping
 from iwanjax.quasistatic.levels import Background, Levels, Task, solve_levels
 from iwanjax.quasistatic.shape import updated_shapes
 from iwanjax.quasistatic.work import work_dissipation, work_path
-from iwanjax.results import Result
+from iwanjax.results import AbstractResult, Result
 from iwanjax.structures import JointedStructure, modal_assurance
 from iwanjax.types import ArrayLike, as_real, is_traced, require_double_precision
 
 
-class QsmaSolution(eqx.Module):
+class QsmaSolution(AbstractResult, eqx.Module):
     """Result of :func:`qsma`.
 
     Arrays have shape (..., levels), with leading axes for the batch of parameter sets and
@@ -59,6 +59,8 @@ class QsmaSolution(eqx.Module):
     error: Float[Array, "*batch levels"]
     structure: JointedStructure
     modes: tuple[int, ...] = eqx.field(static=True)
+
+    _shown = ("modes", "alpha", "curves", "dissipation", "deflection", "converged")
 
     @property
     def converged(self) -> Array:

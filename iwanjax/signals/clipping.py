@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from iwanjax.errors import InputError
 from iwanjax.types import ArrayLike
 
 _SHORTEST_RUN = 3
@@ -68,3 +69,18 @@ def _clipped_above(x: np.ndarray, spread: float) -> int:
         # Half a count more, for what rounding adds.
         clipped |= fall > spread * (((lengths + 2 * m) / (lengths - 1)) ** 2 + 0.5)
     return int(np.sum(lengths[clipped]))
+
+
+def refuse_clipped(decay: np.ndarray) -> None:
+    """A channel that was overloaded in the decay measures nothing there.
+
+    Raises
+    ------
+    InputError
+    """
+    count = clipped_samples(decay)
+    if count:
+        raise InputError(
+            f"signal is clipped: {count} samples of the decay rest at its extreme; lower the "
+            "range's gain, or give start= after the overload"
+        )

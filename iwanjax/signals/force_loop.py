@@ -11,6 +11,7 @@ import numpy as np
 
 from iwanjax.errors import InputError
 from iwanjax.files import existing_file, nearest, read_arrays
+from iwanjax.results import AbstractResult
 from iwanjax.signals.columns import read_columns
 from iwanjax.types import ArrayLike
 
@@ -23,7 +24,7 @@ _AT_REST = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class ForceLoop:
+class ForceLoop(AbstractResult):
     """What a test rig shows of a joint: deflection and force, value by value.
 
     Parameters

@@ -8,7 +8,8 @@ import numpy as np
 
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
-from iwanjax.signals.clipping import clipped_samples
+from iwanjax.results import AbstractResult
+from iwanjax.signals.clipping import refuse_clipped
 from iwanjax.signals.decay import Noise, centred, decay_span, measured_noise, plan_intervals
 from iwanjax.signals.filters import analytic_signal, band_pass_gain, check_band, check_signal
 from iwanjax.types import ArrayLike
@@ -31,7 +32,7 @@ _SURE, _LARGEST_SCATTER, _ENOUGH_FOR_SCATTER = 4.0, 0.2, 8
 
 
 @dataclass(frozen=True, eq=False)
-class RingDown:
+class RingDown(AbstractResult):
     r"""A free decay taken apart: result of :func:`ringdown`.
 
     Attributes
@@ -180,7 +181,7 @@ def ringdown(
         raise InputError(f"precision = {precision!r}: expected a fraction, for instance 0.02")
     span = decay_span(x, sampling_rate, band, order, start, end)
     z = analytic_signal(centred(x[span.first : span.stop]), sampling_rate, band, order)
-    _refuse_clipped(x[span.first : span.stop], span.settled)
+    refuse_clipped(x[span.first : span.stop][span.settled :])
     psi_1, psi_2 = np.log(np.abs(z)), np.unwrap(np.angle(z))
     noise = measured_noise(z, sampling_rate, band, order, span.settled)
     _refuse_no_decay(psi_1, slice(span.settled, noise.stop), band, noise)
@@ -354,16 +355,6 @@ def _checked_signal(signal: ArrayLike) -> np.ndarray:
     if np.ptp(x) == 0.0:
         raise InputError(f"signal is {x[0]:g} throughout; is the sensor connected?")
     return x
-
-
-def _refuse_clipped(x: np.ndarray, settled: int) -> None:
-    """A channel that was overloaded where it is analysed measures nothing there."""
-    count = clipped_samples(x[settled:])
-    if count:
-        raise InputError(
-            f"signal is clipped: {count} samples of the decay rest at its extreme; lower the "
-            "range's gain, or give start= after the overload"
-        )
 
 
 def _refuse_no_decay(

@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult
 
 # Levels on either side that share their repeatability: too few hits reach each alone.
 _NEIGHBOURS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class MergedCurves:
+class MergedCurves(AbstractResult):
     r"""Result of :func:`merge_curves`; all arrays are (levels,), amplitudes rise.
 
     Attributes
@@ -43,6 +45,22 @@ class MergedCurves:
     frequency_spread: np.ndarray
     damping_spread: np.ndarray
     hits: tuple[ModalCurves, ...]
+
+    _shown = (
+        "curves",
+        "count",
+        "frequency_repeatability",
+        "damping_repeatability",
+        "frequency_estimator",
+        "damping_estimator",
+        "hits",
+    )
+    _units: ClassVar = {
+        "frequency_repeatability": "Hz",
+        "damping_repeatability": "1",
+        "frequency_estimator": "Hz",
+        "damping_estimator": "1",
+    }
 
     @property
     def next_hit(self) -> ModalCurves:

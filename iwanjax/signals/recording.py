@@ -7,7 +7,9 @@ import numpy as np
 
 from iwanjax.errors import InputError
 from iwanjax.files import nearest
+from iwanjax.results import AbstractResult
 from iwanjax.signals.clipping import clipped_samples
+from iwanjax.tables import Block, Grid
 from iwanjax.types import ArrayLike
 
 QUANTITIES = ("acceleration", "velocity", "displacement", "force", "")
@@ -58,7 +60,7 @@ class Channel:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(AbstractResult):
     """Responses and forces, sampled uniformly.
 
     Attributes
@@ -99,6 +101,28 @@ class Recording:
             self._check()
         except InputError as error:
             raise InputError(f"{self.name}: {error}") from None
+
+    def _blocks(self) -> tuple[Block, ...]:
+        columns = [*zip(self.channels, self.response.T, strict=True)]
+        if self.force is not None:
+            columns += zip(self.inputs, self.force.T, strict=True)
+        return (
+            f"{self.name}: {self.size} samples, {self.sampling_rate:.6g} Hz, {self.duration:.6g} s",
+            Grid(
+                ("channel", "measures", "unit", "min", "max", "rms"),
+                tuple(
+                    (
+                        channel.name,
+                        channel.quantity or "-",
+                        channel.unit or "-",
+                        f"{x.min():.4g}",
+                        f"{x.max():.4g}",
+                        f"{np.sqrt(np.mean(x**2)):.4g}",
+                    )
+                    for channel, x in columns
+                ),
+            ),
+        )
 
     @property
     def size(self) -> int:

@@ -7,9 +7,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult
 from iwanjax.structures.assurance import modal_assurance
 from iwanjax.structures.reduced_model import ReducedModel, SurfaceShape, check_rows
 from iwanjax.structures.reduction import craig_bampton, full_modes
+from iwanjax.tables import Block, Grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +162,7 @@ class FullModel:
 
 
 @dataclass(frozen=True, eq=False)
-class ReductionCheck:
+class ReductionCheck(AbstractResult):
     """Modes of the full model beside those of its reduction; prints as a table.
 
     Attributes
@@ -188,11 +190,16 @@ class ReductionCheck:
         """Whether every mode's frequency and shape are met."""
         return bool(np.all(np.abs(self.error) <= tolerance) and np.all(self.assurance > assurance))
 
+    def _blocks(self) -> tuple[Block, ...]:
+        columns = zip(self.full, self.reduced, 100 * self.error, self.assurance, strict=True)
+        rows = tuple((f"{f:.3f}", f"{r:.3f}", f"{e:.4f}", f"{mac:.4f}") for f, r, e, mac in columns)
+        return (
+            Grid(("full Hz", "reduced Hz", "error %", "MAC"), rows),
+            f"fixed-interface modes kept up to {self.highest_fixed:.1f} Hz",
+        )
+
     def __str__(self) -> str:
-        lines = ["  full Hz  reduced Hz  error %     MAC"]
-        for row in zip(self.full, self.reduced, 100 * self.error, self.assurance, strict=True):
-            lines.append("{:9.3f}  {:10.3f}  {:7.4f}  {:.4f}".format(*row))
-        return "\n".join([*lines, f"fixed-interface modes kept up to {self.highest_fixed:.1f} Hz"])
+        return self.summary()
 
 
 def check_reduction(

@@ -2,10 +2,12 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.linear import LinearStructure
 from iwanjax.structures.model_file import Model
@@ -34,7 +36,7 @@ class SurfaceShape:
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedModel:
+class ReducedModel(AbstractResult):
     """Craig-Bampton model of a structure without its joints.
 
     Attributes
@@ -69,6 +71,9 @@ class ReducedModel:
     fixed_frequency: np.ndarray
     effective_mass: np.ndarray
     residual_flexibility: dict[str, float]
+
+    _shown = ("coordinates", "fixed_frequency", "effective_mass", "residual_flexibility")
+    _units: ClassVar = {"fixed_frequency": "Hz", "residual_flexibility": "1"}
 
     def model(self, springs: Mapping[str, float] | None = None) -> Model:
         """The structure with linear springs at some of its joints.

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult
 from iwanjax.structures.affine import AffineStructure
 from iwanjax.structures.assurance import modal_assurance
 from iwanjax.structures.checks import finite_array
@@ -22,7 +23,7 @@ RIGID = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredModes:
+class MeasuredModes(AbstractResult):
     """Natural frequencies and mode shapes at low amplitude.
 
     Parameters

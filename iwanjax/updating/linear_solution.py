@@ -4,17 +4,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from iwanjax.results import AbstractResult, with_std
 from iwanjax.structures.affine import AffineStructure
 from iwanjax.structures.linear import LinearStructure
+from iwanjax.tables import Block, Grid
 from iwanjax.updating.parameters import Parameter
-from iwanjax.updating.solution import Direction, with_std
+from iwanjax.updating.solution import Direction, ambiguities
 
 # Shapes less alike than this may be of another mode.
 _ALIKE = 0.8
 
 
 @dataclass(frozen=True)
-class LinearSolution:
+class LinearSolution(AbstractResult):
     r"""Result of :func:`iwanjax.update_linear`.
 
     Attributes
@@ -92,43 +94,31 @@ class LinearSolution:
         """The structure with the estimates, undamped."""
         return self.structure.at(self.values)
 
-    def summary(self) -> str:
-        """The result in words and numbers, for people."""
+    def _blocks(self) -> tuple[Block, ...]:
         state = "" if self.converged else " NOT CONVERGED: raise starts or look at the data."
         shapes = "" if self.misfit_shapes is None else f", shapes {self.misfit_shapes:.2f}"
-        lines = [
+        modes = zip(
+            self.measured_frequency,
+            self.frequency_before,
+            self.frequency,
+            self.error,
+            self.assurance,
+            strict=True,
+        )
+        return (
             f"Frequencies are {self.misfit_frequency:.2f} times their deviations off{shapes}; "
             f"{self.agreeing} of {self.runs} runs agree.{state}",
-            "",
-            "  measured Hz      before       after    error     MAC",
-        ]
-        lines += [
-            f"  {f:11.6g} {b:11.6g} {a:11.6g} {100 * e:+7.3f} % {mac:7.4f}"
-            for f, b, a, e, mac in zip(
-                self.measured_frequency,
-                self.frequency_before,
-                self.frequency,
-                self.error,
-                self.assurance,
-                strict=True,
-            )
-        ]
-        lines += [""]
-        width = max(len(p.name) for p in self.parameters)
-        for p in self.parameters:
-            lines.append(f"  {p.name:<{width}}  {self._told(p):<36}  {p.meaning}".rstrip())
-        if self.rivals:
-            lines += ["", "  Other minima explain these modes as well, to what noise can do, with"]
-            lines += [f"    {k} from {a:.3g} to {b:.3g}" for k, (a, b) in self.rivals.items()]
-        if self.undetermined:
-            lines += ["", "  These modes do not determine:"]
-            lines += [
-                f"    {direction} (known to {100 * direction.narrowing:.0f} % of what the prior "
-                "leaves open)"
-                for direction in self.undetermined
-            ]
-        lines += [f"  {warning}" for warning in self.warnings()]
-        return "\n".join(lines)
+            Grid(
+                ("measured Hz", "before", "after", "error", "MAC"),
+                tuple(
+                    (f"{f:.6g}", f"{before:.6g}", f"{after:.6g}", f"{100 * e:+.3f} %", f"{mac:.4f}")
+                    for f, before, after, e, mac in modes
+                ),
+            ),
+            Grid((), tuple((p.name, self._told(p), p.meaning) for p in self.parameters)),
+            *ambiguities(self.rivals, self.undetermined, "modes"),
+            "\n".join(f"  {warning}" for warning in self.warnings()),
+        )
 
     def warnings(self) -> list[str]:
         """What to look at before the estimates are believed."""

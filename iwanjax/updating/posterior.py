@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult
+from iwanjax.tables import Block, Grid
 from iwanjax.updating.problem import AbstractProblem
 from iwanjax.updating.solution import FitSolution
 
@@ -37,7 +39,7 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class Posterior:
+class Posterior(AbstractResult):
     """Result of :func:`iwanjax.sample_posterior`.
 
     Attributes
@@ -118,8 +120,7 @@ class Posterior:
             for curve, part in zip(self.solution.measured, problem.measured.slices, strict=True)
         )
 
-    def summary(self) -> str:
-        """The result in words and numbers, for people."""
+    def _blocks(self) -> tuple[Block, ...]:
         least = min(self.effective, key=lambda name: self.effective[name])
         if self.enough:
             head = f"posterior of {len(self.names) - 2} parameters: "
@@ -131,22 +132,21 @@ class Posterior:
                 f"asked for, from at least {TRUSTED:.0f} autocorrelation times of "
                 f"{max(self.autocorrelation.values()):.0f} steps); raise most_steps to go on"
             )
-        lines = [f"{head} (acceptance {self.acceptance:.2f})", ""]
-        width = max(len(name) for name in self.names)
-        units = {p.name: p.unit for p in self.solution.parameters}
-        samples = self.samples
-        for name in self.names:
-            low, high = self.interval(name)
-            # Three digits of the interval's width.
-            digits = max(0, 2 - int(np.floor(np.log10(high - low)))) if high > low else 6
-            median = np.median(samples[name])
-            told = (
-                f"{median:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}] {units.get(name, '')}"
-            )
-            note = "" if self.solution.determined.get(name, True) else "  mostly the prior's"
-            lines.append(f"  {name:<{width}}  {told.rstrip()}{note}")
-        lines += ["", "  median and central 90 %"]
-        return "\n".join(lines)
+        rows = [(name, self._told(name), self._note(name)) for name in self.names]
+        head = f"{head} (acceptance {self.acceptance:.2f})"
+        return head, Grid((), tuple(rows)), "  median and central 90 %"
+
+    def _told(self, name: str) -> str:
+        """Median and central interval to three digits of the interval's width."""
+        low, high = self.interval(name)
+        digits = max(0, 2 - int(np.floor(np.log10(high - low)))) if high > low else 6
+        median = np.median(self.samples[name])
+        unit = {p.name: p.unit for p in self.solution.parameters}.get(name, "")
+        told = f"{median:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}] {unit}"
+        return told.rstrip()
+
+    def _note(self, name: str) -> str:
+        return "" if self.solution.determined.get(name, True) else "mostly the prior's"
 
     def to_arviz(self) -> "arviz.InferenceData":
         """The chain for arviz (extra ``bayes``).

@@ -9,6 +9,8 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult, with_std
+from iwanjax.tables import Block, Grid
 from iwanjax.updating.problem import Measured
 
 # Exponents are looked for between these.
@@ -24,7 +26,7 @@ _CLEAR = 3.0
 
 
 @dataclass(frozen=True)
-class Exponents:
+class Exponents(AbstractResult):
     r"""Exponents of :math:`f_0 - aA^p` and :math:`\zeta_0 + bA^r`, each fitted on its own.
 
     One Iwan joint in microslip, Coulomb friction in its sliders, has
@@ -61,6 +63,18 @@ class Exponents:
         return (self.damping[0] - self.frequency[0]) / math.hypot(
             self.frequency[1], self.damping[1]
         )
+
+    def _blocks(self) -> tuple[Block, ...]:
+        told = {
+            "p": (self.frequency, "exponent of the frequency's fall"),
+            "r": (self.damping, "exponent of the damping's rise"),
+            "chi": (self.chi, "r - 1"),
+            "c_1": (self.c_1, "coefficient of the damping"),
+            "zeta_0": (self.zeta_0, "damping at vanishing amplitude"),
+        }
+        rows = tuple((name, with_std(*value), meaning) for name, (value, meaning) in told.items())
+        left = f"left over: {self.frequency_rms:.2g} Hz and {self.damping_rms:.2g} rms"
+        return "f = f_0 - a A^p, zeta = zeta_0 + c_1 A^r", Grid((), rows), left
 
     def law(self) -> str:
         """The damping's law (3.32) in a sentence."""

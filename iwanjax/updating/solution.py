@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.curves import ModalCurves
+from iwanjax.results import AbstractResult, with_std
+from iwanjax.tables import Block, Grid
 from iwanjax.types import compiled_for_one_call
 from iwanjax.updating.minima import Minimum, mixture
 from iwanjax.updating.model_error import ModelError
@@ -49,7 +51,7 @@ class Direction:
 
 
 @dataclass(frozen=True, eq=False)
-class FitSolution:
+class FitSolution(AbstractResult):
     r"""Result of :func:`iwanjax.fit`.
 
     Attributes
@@ -144,52 +146,41 @@ class FitSolution:
         owner, _, quantity = name.rpartition(".")
         return self.reaches.get(owner) if quantity == "phi_max" else None
 
-    def summary(self) -> str:
-        """The result in words and numbers, for people."""
+    def _blocks(self) -> tuple[Block, ...]:
         f = np.concatenate([np.asarray(curves.frequency) for curves in self.measured])
-        lines = [
+        head = [
             self._headline(),
             f"It follows the frequency within {self.frequency_rms:.2g} Hz rms "
             f"({100 * self.frequency_rms / np.ptp(f):.2g} % of its range) and the damping within "
             f"{100 * self.damping_rms:.2g} % rms.",
         ]
         if self.model_error is not None:
-            lines.append(
+            head.append(
                 f"Deviations include {100 * self.model_error.frequency:.2g} % of the frequency and "
                 f"{100 * self.model_error.damping:.2g} % of the damping for the model's own error."
             )
-        lines.append("")
-        width = max(len(name) for name in (*self.values, *self.derived))
-        for p in self.parameters:
-            lines.append(f"  {p.name:<{width}}  {self._told(p):<34}  {p.meaning}".rstrip())
-        for name, (value, std) in self.derived.items():
-            least = self.least(name)
-            if least is not None:
-                told = f">= {least:.3g} (largest deflection)"
-            elif self.follows(name):
-                told = with_std(value, std)
-            else:
-                told = f"{value:.3g} (undetermined)"
-            lines.append(f"  {name:<{width}}  {told:<34}  follows from the above")
-        for name, bound in self.active_bounds.items():
-            lines += [
-                "",
-                f"  BOUND: {name} rests on its bound {bound:g}; the curves ask for a value beyond "
-                "it, and the other parameters pay for it.",
-            ]
-        if self.rivals:
-            lines += ["", "  Other minima explain the curves as well, to what noise can do, with"]
-            lines += [f"    {k} from {a:.3g} to {b:.3g}" for k, (a, b) in self.rivals.items()]
-        if self.undetermined:
-            lines += ["", "  These curves do not determine:"]
-            lines += [
-                f"    {direction} (known to {100 * direction.narrowing:.0f} % of what the prior "
-                "leaves open)"
-                for direction in self.undetermined
-            ]
+        rows = [(p.name, self._told(p), p.meaning) for p in self.parameters]
+        rows += [(name, self._derived(name), "follows from the above") for name in self.derived]
+        bounds = [
+            f"  BOUND: {name} rests on its bound {bound:g}; the curves ask for a value beyond "
+            "it, and the other parameters pay for it."
+            for name, bound in self.active_bounds.items()
+        ]
         remarks = self.problem.remarks(self.values, self.determined)
-        lines += [line for remark in remarks for line in ("", f"  {remark}")]
-        return "\n".join(lines)
+        return (
+            "\n".join(head),
+            Grid((), tuple(rows)),
+            *bounds,
+            *ambiguities(self.rivals, self.undetermined, "curves"),
+            *(f"  {remark}" for remark in remarks),
+        )
+
+    def _derived(self, name: str) -> str:
+        value, std = self.derived[name]
+        least = self.least(name)
+        if least is not None:
+            return f">= {least:.3g} (largest deflection)"
+        return with_std(value, std) if self.follows(name) else f"{value:.3g} (undetermined)"
 
     def _headline(self) -> str:
         state = "" if self.converged else " NOT CONVERGED: raise starts or look at the curves."
@@ -219,14 +210,23 @@ class FitSolution:
         return told + unit if self.determined[p.name] else f"{p.value:.3g}{unit} (undetermined)"
 
 
-def with_std(value: float, std: float) -> str:
-    """A value to the digits its deviation leaves."""
-    if not np.isfinite(std) or std <= 0 or not np.isfinite(value):
-        return f"{value:.6g}"
-    if std >= abs(value):
-        return f"{value:.2g} ± {std:.2g}"
-    digits = int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(std)) + 2, 2, 12))
-    return f"{value:.{digits}g} ± {std:.2g}"
+def ambiguities(
+    rivals: Mapping[str, tuple[float, float]], undetermined: Sequence[Direction], data: str
+) -> list[str]:
+    """What data leave open, in words: other minima, and combinations they do not determine."""
+    told = []
+    if rivals:
+        lines = [f"    {name} from {low:.3g} to {high:.3g}" for name, (low, high) in rivals.items()]
+        head = f"  Other minima explain these {data} as well, to what noise can do, with"
+        told.append("\n".join([head, *lines]))
+    if undetermined:
+        lines = [
+            f"    {direction} (known to {100 * direction.narrowing:.0f} % of what the prior "
+            "leaves open)"
+            for direction in undetermined
+        ]
+        told.append("\n".join([f"  These {data} do not determine:", *lines]))
+    return told
 
 
 @dataclass(frozen=True)

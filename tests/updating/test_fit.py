@@ -507,3 +507,19 @@ def test_what_cannot_be_fitted_is_refused_in_words(model, curves, options, told)
 def test_wrong_options_are_refused_in_words(options):
     with pytest.raises(InputError):
         fit("iwan4", C, **options)
+
+
+def test_a_fit_comes_back_from_its_file_with_model_and_problem(tmp_path):
+    found = solution()
+    loaded = ij.FitSolution.load(found.save(tmp_path / "fit.npz"))
+    assert loaded.summary() == found.summary()
+    assert loaded.values == found.values
+    for a, b in zip(residuals(loaded), residuals(found), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert eqx.tree_equal(loaded.model, found.model)
+
+
+def test_the_notebooks_table_names_every_parameter_and_what_follows():
+    found = solution()
+    shown = found._repr_html_()
+    assert all(f">{name}</td>" in shown for name in (*found.values, *found.derived))

@@ -182,3 +182,10 @@ def test_wrong_measurements_are_refused(given, message):
 def test_a_parameter_needs_a_positive_value_and_a_factor_above_one():
     with pytest.raises(InputError, match="factor = 1; expected"):
         positive_parameter("k", 1.0, 1.0)
+
+
+def test_it_comes_back_from_its_file(found, tmp_path):
+    loaded = LinearSolution.load(found.save(tmp_path / "linear.npz"))
+    assert loaded.summary() == found.summary()
+    np.testing.assert_array_equal(loaded.updated.K, found.updated.K)
+    assert "measured Hz</th>" in found._repr_html_()

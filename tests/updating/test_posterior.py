@@ -458,3 +458,10 @@ def test_progress_goes_to_stderr(capsys):
     assert "effective samples" in told.err
     walk(most_steps=250)
     assert capsys.readouterr().err == ""
+
+
+def test_it_comes_back_from_its_own_file(posterior, tmp_path):
+    loaded = ij.Posterior.load(posterior.save(tmp_path / "posterior.npz"))
+    np.testing.assert_array_equal(loaded.chain, posterior.chain)
+    assert loaded.summary() == posterior.summary()
+    np.testing.assert_array_equal(loaded.bands()[0].frequency, posterior.bands()[0].frequency)

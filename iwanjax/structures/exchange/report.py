@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult
 from iwanjax.structures.exchange.contents import Matrix
 from iwanjax.structures.exchange.matrices import ImportedMatrices
 from iwanjax.structures.exchange.node_map import listed
@@ -13,6 +14,7 @@ from iwanjax.structures.exchange.spectrum import (
     lowest_eigenvalues,
 )
 from iwanjax.structures.exchange.units import frequency_warning, mass_sentence, mix_up_sentence
+from iwanjax.tables import Block
 
 # A soft suspension leaves the six lowest eigenvalues below the seventh by this at least.
 _SOFT = 1e-2
@@ -21,7 +23,7 @@ _SAME_MASS = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class MatrixReport:
+class MatrixReport(AbstractResult):
     """What :func:`check_matrices` found; ``print(report)`` tells it.
 
     Attributes
@@ -49,6 +51,9 @@ class MatrixReport:
     frequency: np.ndarray
     sentences: tuple[str, ...]
     warnings: tuple[str, ...]
+
+    def _blocks(self) -> tuple[Block, ...]:
+        return (str(self),)
 
     def __str__(self) -> str:
         return "\n".join((*self.sentences, *(f"Warning: {text}" for text in self.warnings)))

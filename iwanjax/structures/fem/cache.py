@@ -5,7 +5,6 @@ import dataclasses
 import hashlib
 import json
 import os
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from iwanjax.errors import InputError
+from iwanjax.files import whole_file
 from iwanjax.structures.fem.library import skfem
 from iwanjax.structures.reduced_model import ReducedModel, SurfaceShape
 
@@ -84,7 +84,7 @@ _ROWS = ("rows", "sensors", "inputs")
 
 
 def _write(path: Path, key: str, model: ReducedModel) -> None:
-    """Write under a temporary name first: no reader ever meets half a file."""
+    """Write a model, whole or not at all."""
     arrays = {name: getattr(model, name) for name in _ARRAYS}
     arrays |= {"key": np.array(key), "coordinates": np.array(model.coordinates)}
     n = len(model.M)
@@ -97,14 +97,8 @@ def _write(path: Path, key: str, model: ReducedModel) -> None:
     if model.shape is not None:
         arrays |= {f"shape_{k}": v for k, v in vars(model.shape).items()}
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-        try:
-            np.savez(file, **arrays)
-            file.close()
-            Path(file.name).replace(path)
-        except BaseException:
-            Path(file.name).unlink(missing_ok=True)
-            raise
+    with whole_file(path) as file:
+        np.savez(file, **arrays)
 
 
 def _read(path: Path, key: str) -> ReducedModel | None:
