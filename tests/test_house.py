@@ -1,5 +1,6 @@
 """The package's own counts stay within their bounds (tests/house.py), and are counted right."""
 
+import re
 from pathlib import Path
 
 import house
@@ -135,3 +136,18 @@ def test_a_risen_count_is_told(monkeypatch):
     assert len(told) == 3
     assert told[0].startswith("public names: ")
     assert "report: 3 modules, bound 0" in told
+
+
+def test_contributing_names_every_room_and_no_file_that_is_not_there():
+    told = (house.ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rooms = {house.room_of(module) for module in house.sources()} - {"."}
+    assert not {room for room in rooms if f"| `{room}/` |" not in told}
+    named = set(re.findall(r"`((?:[\w.]+/)*[\w.]+(?:\.py|/))`", told)) - {"iwanjax/"}
+    missing = {
+        name
+        for name in named
+        if not any(
+            (house.ROOT / top / name).exists() for top in ("", "iwanjax", "iwanjax/structures")
+        )
+    }
+    assert not missing
