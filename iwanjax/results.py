@@ -147,14 +147,14 @@ class AbstractResult:
         names = self._shown or tuple(f.name for f in _fields(self) if f.repr and f.name != "name")
         for name in names:
             value = getattr(self, name)
-            unknown = value is None or (isinstance(value, str) and not value)
+            unknown = value is None or (isinstance(value, str | tuple) and not value)
             # A deviation stands beside what it is the deviation of.
             if unknown or name.removesuffix("_std") in set(names) - {name}:
                 continue
             if isinstance(value, AbstractResult):
                 yield from ((f"{name}.{first}", *rest) for first, *rest in value._rows())
-            elif isinstance(value, Mapping):
-                yield from ((f"{name}: {k}", *_cells(v, None), "", "") for k, v in value.items())
+            elif (items := _named_values(value)) is not None:
+                yield from ((f"{name}: {k}", *_cells(v, None), "", "") for k, v in items.items())
             else:
                 shown, deviation = _cells(value, getattr(self, f"{name}_std", None))
                 yield name, shown, deviation, self._unit(name), _size(value)
@@ -203,11 +203,10 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "__array__"):
         array = np.asarray(value)
         return array if array.ndim else array.item()
-    if isinstance(value, Mapping):
-        found = {str(key): _plain(each) for key, each in value.items()}
+    items = _named_values(value)
+    if items is not None:
+        found = {str(key): _plain(each) for key, each in items.items()}
         return {key: each for key, each in found.items() if each is not _NOT_PLAIN}
-    if hasattr(value, "_asdict"):
-        return _plain(value._asdict())
     if isinstance(value, tuple | list):
         return [each for each in map(_plain, value) if each is not _NOT_PLAIN]
     # What is found is a dataclass; what computes is an equinox module.
@@ -215,6 +214,13 @@ def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not model:
         return _fields_by_name(value)
     return _NOT_PLAIN
+
+
+def _named_values(value: Any) -> Mapping[Any, Any] | None:
+    """Items of a dictionary or a named tuple; None for anything else."""
+    if hasattr(value, "_asdict"):
+        return value._asdict()
+    return value if isinstance(value, Mapping) else None
 
 
 def _cells(value: Any, std: Any) -> tuple[str, str]:
