@@ -8,6 +8,17 @@ from typing import ClassVar, Literal, NamedTuple, TypeAlias
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from iwanjax.discrepancy.nested import (
+    MAXWELL,
+    SLIDING_JOINT,
+    STUCK_JOINT,
+    STUCK_SLIDER,
+    TURNED,
+    WRONG_SIGN,
+    Nested,
+    Scales,
+    closed_gap,
+)
 from iwanjax.errors import InputError
 from iwanjax.joints import ParameterInfo
 from iwanjax.joints.iwan import IWAN_PARAMETERS
@@ -37,13 +48,6 @@ UnitForce: TypeAlias = Callable[[PlaceMotion, Array, Array], tuple[Array, Array]
 """(motion, shape, memory) -> (force per unit size, memory), elementwise over places."""
 
 
-class Scales(NamedTuple):
-    """What a place has seen, to choose shapes by: largest deflection, and longest period (s)."""
-
-    deflection: float
-    period: float
-
-
 @dataclass(frozen=True)
 class ForceKind:
     """One kind of missing physics: a force size * unit_force at some place of the structure.
@@ -70,7 +74,7 @@ class ForceKind:
         Whether the force is in proportion to the place's acceleration.
     variant : str
         Which of several forms of the same name, in words; empty for the only one.
-    limits : tuple of str
+    limits : tuple of Nested
         Simpler kinds that it becomes at the ends of its shape's range: where one of them does
         all but as well, that one is named.
     """
@@ -85,7 +89,7 @@ class ForceKind:
     positive: bool = False
     inertial: bool = False
     variant: str = ""
-    limits: tuple[str, ...] = ()
+    limits: tuple[Nested, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ class SensorKind:
         The size, where there is nothing to fit.
     positive : bool
         Whether a negative size means nothing.
-    limits : tuple of str
+    limits : tuple of Nested
         Simpler kinds that it becomes at one size: with nothing to fit.
     """
 
@@ -114,7 +118,7 @@ class SensorKind:
     acts: Literal["gain", "delay", "limit"]
     fixed: float | None = None
     positive: bool = False
-    limits: tuple[str, ...] = ()
+    limits: tuple[Nested, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -127,7 +131,7 @@ class JointKind:
         As for :class:`ForceKind`.
     parameters : tuple of ParameterInfo
         What is fitted.
-    limits : tuple of str
+    limits : tuple of Nested
         As for :class:`ForceKind`.
     """
 
@@ -135,7 +139,7 @@ class JointKind:
     usual: str
     parameters: tuple[ParameterInfo, ...]
     signs: str
-    limits: tuple[str, ...] = ()
+    limits: tuple[Nested, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -146,7 +150,7 @@ class ModeKind:
     ----------
     name, usual, size, signs
         As for :class:`ForceKind`.
-    limits : tuple of str
+    limits : tuple of Nested
         As for :class:`ForceKind`.
     """
 
@@ -154,7 +158,7 @@ class ModeKind:
     usual: str
     size: ParameterInfo
     signs: str
-    limits: tuple[str, ...] = ()
+    limits: tuple[Nested, ...] = ()
     # There is nothing about it beside its size.
     shape: ClassVar[None] = None
 
@@ -172,8 +176,13 @@ def _slider(motion: PlaceMotion, slip: Array, stretch: Array) -> tuple[Array, Ar
 
 
 def _maxwell(motion: PlaceMotion, tau: Array, stretch: Array) -> tuple[Array, Array]:
+    # Exact for a rate that changes evenly over the step, to where it is at the end: with a rate
+    # that stays as it is, a damper would lag by half a step.
     x = motion.dt / tau
-    stretch = jnp.exp(-x) * stretch - jnp.expm1(-x) / x * motion.moved
+    whole = -jnp.expm1(-x) / x
+    ramp = (1.0 - whole) / x
+    share = 2.0 * (whole - ramp)
+    stretch = jnp.exp(-x) * stretch + share * motion.moved + (whole - share) * motion.dt * motion.v
     return stretch, stretch
 
 
@@ -230,10 +239,14 @@ _KINDS: tuple[Kind, ...] = (
         for variant, limits, law in (
             (
                 "",
-                ("stiffness_error",),
+                (closed_gap("stiffness_error"),),
                 lambda m, g: jnp.sign(m.d) * jnp.maximum(jnp.abs(m.d) - g, 0.0),
             ),
-            ("where d > 0", ("bilinear_stiffness",), lambda m, g: jnp.maximum(m.d - g, 0.0)),
+            (
+                "where d > 0",
+                (closed_gap("bilinear_stiffness"),),
+                lambda m, g: jnp.maximum(m.d - g, 0.0),
+            ),
             ("where d < 0", (), lambda m, g: -jnp.maximum(-m.d - g, 0.0)),
         )
     ),
@@ -253,7 +266,7 @@ _KINDS: tuple[Kind, ...] = (
         ParameterInfo("slip", "length", "deflection at slip", 0.0),
         lambda s: (0.003 * s.deflection, 0.05 * s.deflection),
         positive=True,
-        limits=("stiffness_error",),
+        limits=(STUCK_SLIDER,),
     ),
     ForceKind(
         "quadratic_damping",
@@ -271,7 +284,7 @@ _KINDS: tuple[Kind, ...] = (
         ParameterInfo("tau", "time", "relaxation time", 0.0),
         lambda s: (0.4 * s.period, 2.0 * s.period),
         positive=True,
-        limits=("stiffness_error", "viscous_damping"),
+        limits=MAXWELL,
     ),
     SensorKind(
         "sensor_gain",
@@ -279,7 +292,7 @@ _KINDS: tuple[Kind, ...] = (
         ParameterInfo("gain_error", "1", "factor of the sensor less one"),
         "one sensor off by the same share at every frequency and amplitude",
         "gain",
-        limits=("sensor_polarity",),
+        limits=(WRONG_SIGN,),
     ),
     SensorKind(
         "sensor_delay",
@@ -302,7 +315,7 @@ _KINDS: tuple[Kind, ...] = (
         ParameterInfo("factor", "1", "factor of the sensor less one"),
         "one sensor with the opposite sign",
         "gain",
-        fixed=-2.0,
+        fixed=TURNED,
     ),
     JointKind(
         "stiction",
@@ -324,7 +337,7 @@ _KINDS: tuple[Kind, ...] = (
         "a joint left out",
         IWAN_PARAMETERS,
         "microslip where no joint is",
-        ("coulomb_friction", "stiffness_error"),
+        (SLIDING_JOINT, STUCK_JOINT),
     ),
     ModeKind(
         "modal_coupling",

@@ -238,7 +238,7 @@ def driven(kind: ForceKind, shape: float) -> np.ndarray:
 
 
 LIMITS = [
-    pytest.param(kind, limit, id=f"{kind.name} {kind.variant} {limit}")
+    pytest.param(kind, limit.name, id=f"{kind.name} {kind.variant} {limit.name}")
     for kind in kinds_of()
     if isinstance(kind, ForceKind)
     for limit in kind.limits

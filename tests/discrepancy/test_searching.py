@@ -1,9 +1,7 @@
 """The parts of a search: the band compared, finer forces, derivatives that are kept, probing."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 
 import jax.numpy as jnp
@@ -11,9 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from struck_mass import JOINT, resolution, searching, struck
 
 import iwanjax as ij
-from iwanjax.discrepancy.effects import CATALOGUE, ForceKind, JointKind, Kind
+from iwanjax.discrepancy.effects import CATALOGUE, ForceKind, JointKind
 from iwanjax.discrepancy.histories import selection as selection
 from iwanjax.discrepancy.histories.conditioning import _finer
 from iwanjax.discrepancy.histories.hypotheses import JointStart, force, with_joint, with_stiction
@@ -24,21 +23,12 @@ from iwanjax.discrepancy.histories.linearise import Linearisation, linearise, re
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, alike, multistart
 from iwanjax.discrepancy.histories.nested import with_nested_laws
 from iwanjax.discrepancy.histories.noise import noise_of
-from iwanjax.discrepancy.histories.places import followed, places_of
-from iwanjax.discrepancy.histories.predictor import Suspects, predictor
+from iwanjax.discrepancy.histories.predictor import Suspects
 from iwanjax.discrepancy.histories.probing import pointed_at, probed
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start
-from iwanjax.discrepancy.histories.ranking import (
-    STEPS,
-    TIME_CONSTANT,
-    RankedFit,
-    Scope,
-    settled,
-    tested,
-)
-from iwanjax.discrepancy.histories.recordings import StudyRecording
+from iwanjax.discrepancy.histories.problem import Hypothesis, Start
+from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, settled, tested
 from iwanjax.discrepancy.histories.selection import ModelSelection, concluded
-from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
+from iwanjax.discrepancy.histories.time_steps import Refined
 from iwanjax.signals.comparison_band import HALF, OF_NOISE, in_band
 
 NOTHING = Hypothesis(
@@ -146,68 +136,6 @@ def test_a_search_ends_where_the_gradient_does(seed, size, curved):
 def test_derivatives_of_what_is_nearly_linear_are_hardly_asked_for():
     assert searched(1, 4, 0.0)[1] <= 2
     assert searched(1, 4, 1e-3)[1] <= 3
-
-
-RATE, N = 1024.0, 500
-
-
-def struck(more: Callable[[float], float]) -> np.ndarray:
-    """A mass on a spring with a joint, and more that holds it: small steps, their own code."""
-    fine = 64
-    dt = 1.0 / (RATE * fine)
-    d = v = 0.0
-    found = np.zeros(N)
-    for i in range(N * fine):
-        t = i * dt
-        if i % fine == 0:
-            found[i // fine] = pulse(t) - 6e4 * d - 2.5 * v - more(d)
-        v += dt * (pulse(t) - 6e4 * d - 2.5 * v - more(d))
-        d += dt * v
-    return found[:, None]
-
-
-def pulse(t):
-    return 80.0 * math.sin(math.pi * (t - 0.06) / 0.012) ** 2 if 0.06 < t < 0.072 else 0.0
-
-
-# One set of kernels serves both searches.
-NAMES = ("cubic_stiffness", "gap_contact", "stiffness_error", "viscous_damping", "viscoelastic")
-
-
-JOINT = ij.Iwan4(F_S=1e3, K_T=3e4, chi=-0.5, beta=1.5)
-
-
-def resolution(
-    response: np.ndarray, joint: ij.AbstractJoint = JOINT, every: int = 1
-) -> StepRefinement:
-    """A mass on a joint, some kinds that may be missing, and every so many-th sample measured."""
-    one = np.ones((1, 1))
-    model = ij.JointedStructure(
-        ij.LinearStructure(one, 2.5 * one, 3e4 * one), {"J1": (np.ones(1), joint)}
-    )
-    forces = tuple(kind for kind in kinds() if isinstance(kind, ForceKind))
-    at = jnp.asarray(one)
-    made = partial(predictor, model, at, at, RATE / every, "acceleration", forces)
-    response, force = response[::every], np.array([[pulse(i / RATE)] for i in range(0, N, every)])
-    tight = Joint(joint, jnp.full(len(joint.parameters), 1e-3))
-    noise = np.array([1e-3 * np.std(response)])
-    return StepRefinement(made, (tight,), [StudyRecording("rec", response, force)], noise)
-
-
-def kinds() -> tuple[Kind, ...]:
-    """That may be missing."""
-    return tuple(kind for name in NAMES for kind in CATALOGUE[name])
-
-
-def searching(
-    response: np.ndarray, joint: ij.AbstractJoint = JOINT
-) -> tuple[HistoryProblem, Scope]:
-    """Of some kinds at the only place there is."""
-    now = resolution(response, joint).of_model()
-    row = {"J1": np.ones(1) @ np.asarray(now.modal.Phi)}
-    places = places_of(now.problem, followed(now.problem), row)
-    scope = Scope(kinds(), places, ("a1",), ("J1",), lambda: True, lambda line: None)
-    return now.problem, scope
 
 
 def test_a_hard_stop_is_found_by_probing():

@@ -150,7 +150,7 @@ def with_stiction(
     order = [joint, *(i for i in range(len(problem.joints)) if i != joint)]
     given = problem.joints[joint].given
     values = {info.name: getattr(given, info.name) for info in given.parameters}
-    loose = jax.device_put(np.array([*np.ones(len(values)), _LOOSE_THETA]))
+    loose = jnp.append(problem.joints[joint].loose, _LOOSE_THETA)
     stuck = Joint(Iwan5(**values, theta=thetas[0]), loose)
     joints = (stuck, *(problem.joints[i] for i in order[1:]))
     at = jnp.asarray(order)
@@ -176,11 +176,12 @@ def with_stiction(
 
 
 class JointStart(NamedTuple):
-    """Where to begin with a joint: its stiffness, its slip, and the other joints' z."""
+    """Where to begin with a joint: its stiffness, its slip, the other joints' z, and its beta."""
 
     stiffness: float
     slip: float
     z: np.ndarray
+    beta: float = 1.0
 
 
 def with_joint(
@@ -192,7 +193,8 @@ def with_joint(
 ) -> tuple[HistoryProblem, list[Start]]:
     """One Iwan element more at a place, beside a suspect or alone, and the search it takes."""
     first = guesses[0]
-    given = Iwan4(F_S=first.stiffness * first.slip, K_T=first.stiffness, chi=-0.5, beta=1.0)
+    strength = first.stiffness * first.slip
+    given = Iwan4(F_S=strength, K_T=first.stiffness, chi=-0.5, beta=first.beta)
     more = Joint(given, jnp.asarray(_LOOSE_JOINT))
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness),
@@ -207,7 +209,8 @@ def with_joint(
     )
     starts = []
     for guess in guesses:
-        values = {"F_S": guess.stiffness * guess.slip, "K_T": guess.stiffness}
+        strength = guess.stiffness * guess.slip
+        values = {"F_S": strength, "K_T": guess.stiffness, "beta": guess.beta}
         z = np.concatenate([guess.z, located(more, values)])
         start = _as_nothing(other, kind, place.label, z)
         if beside is not None:

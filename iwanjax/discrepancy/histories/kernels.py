@@ -23,6 +23,9 @@ from iwanjax.types import Scalar
 _DEVIATIONS = {"force": 0.5, "force/length": 0.1, "1": 0.6}
 _OTHERWISE, _OF_EXPONENTS = 0.5, 0.2
 _SMALLEST = 1e-3
+# Distance from a bound, as a share of the range, that a given value is taken to have at least, and
+# one that is looked for.
+_LEAST, _BORDER = 0.02, 1e-6
 # A run that breaks down is far from the data, not a fault of the search.
 _BROKEN = 1e6
 
@@ -60,7 +63,7 @@ def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:
         if info.transform == "log":
             z[i] = math.log(value / given) / _of_logarithm(info)
         elif info.transform == "logit":
-            z[i] = (_logit(info, value) - _logit(info, given)) / _of_logit(info, given)
+            z[i] = (_logit(info, value, _BORDER) - _logit(info, given)) / _of_logit(info, given)
         else:
             z[i] = value / given - 1.0
         z[i] /= float(np.asarray(joint.loose)[i])
@@ -84,13 +87,13 @@ def _of_logarithm(info: ParameterInfo) -> float:
     return _DEVIATIONS.get(info.dimension, _OTHERWISE)
 
 
-def _share(info: ParameterInfo, value: Scalar) -> Scalar:
+def _share(info: ParameterInfo, value: Scalar, least: float = _LEAST) -> Scalar:
     low, high = info.usual or (info.lower, info.upper)
-    return jnp.clip((value - low) / (high - low), 0.02, 0.98)
+    return jnp.clip((value - low) / (high - low), least, 1.0 - least)
 
 
-def _logit(info: ParameterInfo, value: Scalar) -> Scalar:
-    share = _share(info, value)
+def _logit(info: ParameterInfo, value: Scalar, least: float = _LEAST) -> Scalar:
+    share = _share(info, value, least)
     return jnp.log(share / (1.0 - share))
 
 

@@ -52,6 +52,8 @@ def _laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray
     slots = len(hypothesis.sizes)
     fixed = p + 2 * slots
     given = np.atleast_2d(start.theta)
+    known = given.shape[-1] > fixed
+    states = given[:, fixed:] if known else np.zeros((R, problem.directions))
     if hypothesis.drifting is None:
         given = given.mean(axis=0, keepdims=True)
     base = np.concatenate([given[0, :fixed], np.zeros(problem.directions)])
@@ -66,7 +68,7 @@ def _laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray
             one[r, i] = 1.0
             columns.append(one)
             precision.append(1.0)
-            x.append(0.0)
+            x.append(states[r, i - fixed])
     if hypothesis.drifting is not None:
         line = elapsed(problem, problem.order)
         for i in drifting_values(problem, hypothesis.drifting):

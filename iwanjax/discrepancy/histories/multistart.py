@@ -12,6 +12,8 @@ from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, St
 
 SHORT_TIME_CONSTANT = 2.0
 """The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""
+TOLERANCE = 1e-3
+"""Relative gain below which, twice in a row, a search ends."""
 # Steps before a search may be given up, and before it may be for the root of the factor.
 _HEAD_START, _LATE = 3, 6
 # Share of the squared residual by which two searches of a hypothesis differ that are one.
@@ -100,7 +102,7 @@ def multistart(
     time_constant: float,
     steps: int,
     *,
-    tolerance: float = 1e-3,
+    tolerance: float = TOLERANCE,
     give_up: float = math.inf,
     best: float = math.inf,
     at_most: int | None = None,

@@ -1,8 +1,9 @@
-"""Simpler kinds in place of those that have them for limits."""
+"""Simpler kinds in place of those that have them for limits, and these in place of the simpler."""
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TypeAlias
 
 import jax
 import numpy as np
@@ -10,8 +11,10 @@ import numpy as np
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind, SensorKind
 from iwanjax.discrepancy.histories import hypotheses as hypotheses
 from iwanjax.discrepancy.histories.kernels import joints_of
+from iwanjax.discrepancy.histories.likelihood import unknowns
+from iwanjax.discrepancy.histories.linearise import residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -19,18 +22,17 @@ from iwanjax.discrepancy.histories.ranking import (
     Scope,
     cost_of,
     distinct,
+    refitted,
+    tolerance_of,
 )
-from iwanjax.joints import Iwan4
+from iwanjax.discrepancy.nested import Nested, Scales, Values
 
-# Times the cost of what they are limits of from which on they are given up.
+# Shares of a law's own doing with which it is begun where it does what a simpler one does.
+_SHARES = (1e-1, 1e-2, 1e-3, 1e-4)
+# What a sensor has seen, for no limit of a sensor's depends on it.
+_NO_PLACE = Scales(1.0, 1.0)
+# Times the best cost from which on simpler kinds, or those that contain them, are given up.
 _GIVE_UP = 1.5
-
-
-class _Law(NamedTuple):
-    """Size and shape of a force."""
-
-    size: float
-    shape: float
 
 
 def with_nested_laws(
@@ -84,20 +86,27 @@ def _simpler(
     """The entry with one kind's limit in its place, and the search that takes it."""
     hypothesis, start = entry.fitted.hypothesis, entry.fitted.start
     for slot, kind in enumerate(hypothesis.kinds):
-        names = getattr(kind, "limits", ())
+        limits = {nested.name: nested for nested in getattr(kind, "limits", ())}
         # Without the joint that was left out its parameters, the last ones, go.
         own = problem if isinstance(kind, JointKind) else entry.problem
         z, others = start.common[: own.parameters], start.common[entry.problem.parameters :]
         there = start._replace(theta=np.concatenate([z, others]))
         parts = [hypotheses.alone(own, there, i) for i in range(len(hypothesis.kinds))]
         for limit in scope.kinds:
-            if limit.name in names:
-                for one in _starts(own, entry, slot, limit, scope, z):
+            if limit.name in limits:
+                nested = limits[limit.name]
+                for one in _starts(own, entry, slot, nested, limit, scope, z):
                     yield own, hypotheses.joined(own, [*parts[:slot], one, *parts[slot + 1 :]])
 
 
 def _starts(
-    own: HistoryProblem, entry: RankedFit, slot: int, limit: Kind, scope: Scope, z: np.ndarray
+    own: HistoryProblem,
+    entry: RankedFit,
+    slot: int,
+    nested: Nested,
+    limit: Kind,
+    scope: Scope,
+    z: np.ndarray,
 ) -> list[Start]:
     """Where to begin with a limit alone, the joints at z."""
     where = entry.fitted.hypothesis.where[slot]
@@ -106,24 +115,211 @@ def _starts(
         return [hypotheses.sensor(own, limit, which, where, z, 0.0)]
     if isinstance(limit, ForceKind):
         row = next(place.row for place in scope.places if place.label == where)
-        laws = _laws(entry, slot, limit)
-        return [hypotheses.force(own, limit, where, row, z, *law) for law in laws]
+        found = nested.narrowed(_values(entry, slot))
+        return [hypotheses.force(own, limit, where, row, z, *_whole(values)) for values in found]
     return []
 
 
-def _laws(entry: RankedFit, slot: int, limit: ForceKind) -> list[_Law]:
-    """What a limit may be to begin with, by what the whole has become."""
-    kind, problem = entry.fitted.hypothesis.kinds[slot], entry.problem
-    theta = entry.fitted.start.common
+def _whole(values: Values) -> tuple[float, float]:
+    """Size and shape of a force, which has none where only a size is known."""
+    return values[0], values[1] if len(values) > 1 else 1.0
+
+
+def _values(entry: RankedFit, slot: int) -> Values:
+    """What a suspect has become, a force, a sensor or a joint left out."""
+    hypothesis, problem = entry.fitted.hypothesis, entry.problem
+    kind, theta = hypothesis.kinds[slot], entry.fitted.start.common
     if isinstance(kind, JointKind):
         joint = joints_of(problem.joints, jax.device_put(theta[: problem.parameters]))[-1]
-        assert isinstance(joint, Iwan4)
-        F_S, K_T = float(joint.F_S), float(joint.K_T)
-        slips = (F_S / K_T, float(joint.phi_max)) if limit.shape else (1.0,)
-        return [_Law(K_T, slip) for slip in slips]
+        return tuple(float(getattr(joint, info.name)) for info in kind.parameters)
     size, shape = theta[problem.parameters + 2 * slot : problem.parameters + 2 * slot + 2]
-    assert isinstance(kind, ForceKind)
-    value = entry.fitted.hypothesis.scales[slot] * (math.exp(size) if kind.positive else size)
-    # A spring and damper in series that hardly relaxes is a spring; one that does, a damper.
-    damper = limit.size.dimension == "force*time/length"
-    return [_Law(value * (math.exp(shape) if damper else 1.0), 1.0)]
+    value = hypothesis.scales[slot] * (math.exp(size) if _logarithmic(hypothesis, slot) else size)
+    return (value, math.exp(shape)) if hypothesis.shapes[slot] else (value,)
+
+
+def _logarithmic(hypothesis: Hypothesis, slot: int) -> bool:
+    return bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
+
+
+def none_worse(base: RankedFit, entries: Sequence[RankedFit], scope: Scope) -> list[RankedFit]:
+    """Entries, each refitted from the end of what it contains where that fits better.
+
+    A law fits at least as well as a simpler one that it becomes, and with a size of zero as well
+    as nothing: a search of it that ended higher ended in a local minimum, whose evidence is not
+    the law's. From the simplest to the largest, so that what is found is handed on.
+
+    Parameters
+    ----------
+    base : RankedFit
+        The nominal model.
+    entries : sequence of RankedFit
+        Suspects. One that was given up with a shorter memory than the nominal model's gets as
+        long a one, where what it contains leaves less even so.
+    scope : Scope
+        What may be suspected.
+
+    Returns
+    -------
+    list of Entry
+        As many, in any order.
+    """
+    known, others = [base], []
+    for entry in sorted(entries, key=lambda each: unknowns(each.fitted)):
+        found = _from_within(entry, known, scope)
+        (known if found.fitted.time_constant == base.fitted.time_constant else others).append(found)
+    return [*known[1:], *others]
+
+
+def _from_within(entry: RankedFit, known: Sequence[RankedFit], scope: Scope) -> RankedFit:
+    """An entry from the end of the best that it contains, if that is better than its own."""
+    time_constant = known[0].fitted.time_constant
+    once = 1.0 + tolerance_of(time_constant)
+    for simpler in sorted(known, key=cost_of):
+        if once * cost_of(simpler) >= cost_of(entry) or not scope.in_time():
+            break
+        starts = widened(entry, simpler, scope, known[0].problem)
+        if not starts:
+            continue
+        costs = [_cost(own, start, time_constant) for own, start in starts]
+        # As far from the simpler law as costs nothing: at the very end of its range nothing is
+        # left of a slope that a search could follow.
+        same = [i for i, cost in enumerate(costs) if cost < once * cost_of(simpler)]
+        best = same[0] if same else int(np.argmin(costs))
+        if not costs[best] < cost_of(entry):
+            break
+        scope.progress(f"refitting {entry.fitted.hypothesis.label} from what it contains")
+        own, start = starts[best]
+        (fitted,) = refitted(own, [start], time_constant, min(map(cost_of, known)), scope, _GIVE_UP)
+        return distinct([entry, replace(entry, problem=own, fitted=fitted)])[0]
+    return entry
+
+
+def _cost(problem: HistoryProblem, start: Start, time_constant: float) -> float:
+    """Squares of residuals, and what the priors of joints and states add."""
+    (residual,) = residuals_at(problem, [(start.hypothesis, start.theta)], time_constant)
+    p, fixed = problem.parameters, problem.parameters + 2 * len(start.hypothesis.sizes)
+    z, states = start.common[:p], start.theta[:, fixed:]
+    return float(np.sum(residual**2) + np.sum(z**2) + np.sum(states**2))
+
+
+def widened(
+    entry: RankedFit, simpler: RankedFit, scope: Scope, base: HistoryProblem
+) -> list[tuple[HistoryProblem, Start]]:
+    """An entry's hypothesis where it does what one that it contains does, each with its search.
+
+    Parameters
+    ----------
+    entry, simpler : RankedFit
+        Of which the second may be the nominal model.
+    scope : Scope
+        What may be suspected.
+    base : HistoryProblem
+        Without a joint left out, or one that sticks.
+
+    Returns
+    -------
+    list of (Search, Start)
+        With the errors of the state, the most nearly equal last; none where it is not contained.
+    """
+    held = holding(entry.fitted.hypothesis, simpler.fitted.hypothesis)
+    if held is None:
+        return []
+    made = (_start(entry, simpler, held, share, scope, base) for share in _SHARES)
+    return [each for each in made if each is not None]
+
+
+_Held: TypeAlias = dict[int, tuple[int, Nested | None]]
+
+
+def holding(whole: Hypothesis, part: Hypothesis) -> _Held | None:
+    """Which of a hypothesis's suspects does what each of another's does, and by which limit.
+
+    None where one of the other's is nowhere among them, or one too many cannot be of no size.
+    """
+    found: _Held = {}
+    slots = list(enumerate(zip(whole.kinds, whole.where, strict=True)))
+    parts = list(enumerate(zip(part.kinds, part.where, strict=True)))
+    for i, pair in parts:
+        same = [slot for slot, own in slots if own == pair and slot not in found]
+        found |= dict.fromkeys(same[:1], (i, None))
+    for i, (kind, where) in parts:
+        if any(i == known for known, _ in found.values()):
+            continue
+        limits = [
+            (slot, nested)
+            for slot, own in slots
+            if own[1] == where and slot not in found
+            for nested in getattr(own[0], "limits", ())
+            if nested.name == kind.name
+        ]
+        if not limits:
+            return None
+        found |= {slot: (i, nested) for slot, nested in limits[:1]}
+    left = [kind for slot, (kind, _) in slots if slot not in found]
+    return None if any(getattr(kind, "fixed", None) is not None for kind in left) else found
+
+
+def _start(
+    entry: RankedFit,
+    simpler: RankedFit,
+    held: _Held,
+    share: float,
+    scope: Scope,
+    base: HistoryProblem,
+) -> tuple[HistoryProblem, Start] | None:
+    """Where a hypothesis does what a simpler one does but for a share; None if it cannot."""
+    hypothesis, part, own = entry.fitted.hypothesis, simpler.fitted, simpler.problem
+    z, states = part.theta[:, : own.parameters], part.theta[:, part.values :]
+    slots = entry.fitted.start.common[entry.problem.parameters :].copy()
+    places = {place.label: place for place in scope.places}
+    for slot, (kind, where) in enumerate(zip(hypothesis.kinds, hypothesis.where, strict=True)):
+        i, nested = held.get(slot, (None, None))
+        values: Values | None = None
+        if i is not None and not isinstance(part.hypothesis.kinds[i], JointKind):
+            values = _values(simpler, i)
+            if nested is not None:
+                seen = places[where].scales if where in places else _NO_PLACE
+                values = nested.widened(values, seen, share)
+        if not isinstance(kind, JointKind):
+            there = _parameters(hypothesis, slot, slots, values, share)
+            if there is None:
+                return None
+            slots[2 * slot : 2 * slot + 2] = there
+        elif own is base and entry.problem is not base:
+            common = z.mean(axis=0)
+            if kind.name == "stiction":
+                j = scope.joints.index(where)
+                own, made = hypotheses.with_stiction(base, kind, j, where, (1.0 - share,), common)
+            else:
+                F_S, K_T, _, beta = values or _values(entry, slot)
+                if K_T <= 0.0:
+                    return None
+                weak = 1.0 if values else share
+                guess = hypotheses.JointStart(weak * K_T, F_S / K_T, common, beta)
+                own, made = hypotheses.with_joint(base, kind, places[where], [guess])
+            z = np.tile(made[0].theta[: own.parameters], (len(z), 1))
+    return own, Start(hypothesis, np.hstack([z, np.tile(slots, (len(z), 1)), states]))
+
+
+def _parameters(
+    hypothesis: Hypothesis, slot: int, slots: np.ndarray, values: Values | None, share: float
+) -> tuple[float, float] | None:
+    """Size and shape of a suspect as a search has them; of a share of its own size without values.
+
+    None for a size of a sign that the kind cannot have.
+    """
+    size, shape = slots[2 * slot : 2 * slot + 2]
+    logarithmic, kind = _logarithmic(hypothesis, slot), hypothesis.kinds[slot]
+    limit = isinstance(kind, SensorKind) and kind.acts == "limit"
+    if values is None:
+        if limit:
+            return size, shape - math.log(share)
+        return (size + math.log(share) if logarithmic else share * size), shape
+    if hypothesis.shapes[slot]:
+        shape = math.log(values[-1])
+    if limit:
+        return size, shape
+    value = values[0] / hypothesis.scales[slot]
+    if logarithmic and value <= 0.0:
+        return None
+    return (math.log(value) if logarithmic else value), shape

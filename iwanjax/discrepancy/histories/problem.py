@@ -72,7 +72,8 @@ class Start(NamedTuple):
     hypothesis : Hypothesis
         Which.
     theta : (values,) or (recordings, values) array
-        Joint parameters, sizes and shapes; by recording where a joint drifts.
+        Joint parameters, sizes and shapes; by recording where a joint drifts, and where errors
+        of the state, which come last, are known.
     """
 
     hypothesis: Hypothesis

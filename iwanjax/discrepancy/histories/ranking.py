@@ -9,9 +9,9 @@ import numpy as np
 from iwanjax.discrepancy.effects import Kind
 from iwanjax.discrepancy.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
 from iwanjax.discrepancy.histories.likelihood import UNSURE, Evidence, evidence, scale
-from iwanjax.discrepancy.histories.multistart import HypothesisFit, multistart
+from iwanjax.discrepancy.histories.multistart import TOLERANCE, HypothesisFit, multistart
 from iwanjax.discrepancy.histories.places import Place
-from iwanjax.discrepancy.histories.problem import HistoryProblem
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.score_test import Candidate, score_test
 
 TIME_CONSTANT = 8.0
@@ -25,9 +25,9 @@ MISFIT = 1.2
 LEAST_PROMISE = 3.0
 """Evidence that a screening has to promise before a suspect is refitted."""
 
-# Steps of a polish, and times the best cost from which on it is given up: what is left needs
-# no last digit.
-_POLISH, _HOPELESS = 15, 30.0
+# Steps of a polish, the relative gain that ends it, and times the best cost from which on it is
+# given up: what is left needs no last digit.
+_POLISH, _FINE, _HOPELESS = 15, 1e-4, 30.0
 # Times that a search may take its steps again.
 _MORE = 3
 
@@ -130,6 +130,32 @@ def distinct(entries: Sequence[RankedFit]) -> list[RankedFit]:
     return sorted(found.values(), key=cost_of)
 
 
+def tolerance_of(time_constant: float) -> float:
+    """Relative gain below which a search with this memory ends, and costs are the same."""
+    return _FINE if time_constant > TIME_CONSTANT else TOLERANCE
+
+
+def refitted(
+    problem: HistoryProblem,
+    starts: Sequence[Start],
+    time_constant: float,
+    best: float,
+    scope: Scope,
+    give_up: float = _HOPELESS,
+) -> list[HypothesisFit]:
+    """Fits with a memory that costs are compared at, given up far from the best one."""
+    return multistart(
+        problem,
+        starts,
+        time_constant,
+        _POLISH if time_constant > TIME_CONSTANT else STEPS,
+        tolerance=tolerance_of(time_constant),
+        give_up=give_up,
+        best=best,
+        in_time=scope.in_time,
+    )
+
+
 def again(
     entries: Sequence[RankedFit],
     others: Sequence[RankedFit],
@@ -145,19 +171,10 @@ def again(
     for entry in sorted(entries, key=cost_of):
         key = (id(entry.problem), len(entry.fitted.hypothesis.sizes))
         groups.setdefault(key, []).append(entry)
-    long = time_constant > TIME_CONSTANT
     for group in groups.values():
         starts = [entry.fitted.start for entry in group]
-        fits = multistart(
-            group[0].problem,
-            starts,
-            time_constant,
-            _POLISH if long else STEPS,
-            tolerance=1e-4 if long else 1e-3,
-            give_up=_HOPELESS,
-            best=min(map(cost_of, found), default=math.inf),
-            in_time=scope.in_time,
-        )
+        best = min(map(cost_of, found), default=math.inf)
+        fits = refitted(group[0].problem, starts, time_constant, best, scope)
         found += [replace(entry, fitted=fit) for entry, fit in zip(group, fits, strict=True)]
     return [*sorted(found, key=cost_of), *others]
 
@@ -273,7 +290,7 @@ def _simpler(entry: RankedFit) -> set[frozenset[tuple[str, str]]]:
     """The same with one suspect's limit in its place."""
     parts, hypothesis = _parts(entry), entry.fitted.hypothesis
     return {
-        parts - {(kind.name, where)} | {(limit, where)}
+        parts - {(kind.name, where)} | {(limit.name, where)}
         for kind, where in zip(hypothesis.kinds, hypothesis.where, strict=True)
         for limit in getattr(kind, "limits", ())
     }

@@ -24,7 +24,7 @@ from iwanjax.discrepancy.histories.multistart import (
     alike,
     multistart,
 )
-from iwanjax.discrepancy.histories.nested import with_nested_laws
+from iwanjax.discrepancy.histories.nested import none_worse, with_nested_laws
 from iwanjax.discrepancy.histories.pairs import doubled
 from iwanjax.discrepancy.histories.probing import probed
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start, Variant
@@ -172,6 +172,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_nested_laws(problem, entries, scope))
+    base, entries = ranked(base, none_worse(base, entries, scope))
     return ModelSelection(bool(entries) and missing(base, entries[0]), base, tuple(entries), scores)
 
 
@@ -258,7 +259,7 @@ def _polished(
             late = distinct(appearing(base.problem, before, base.fitted, entries, scope))
             base, late = ranked(base, late)
             close = finalists(base, late) if late and missing(base, late[0]) else []
-    base, close = ranked(base, close)
+    base, close = ranked(base, none_worse(base, close, scope))
     return base, doubted(base.problem, close) if close else close
 
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from iwanjax.discrepancy.effects import Kind, kinds_of
 from iwanjax.discrepancy.estimate import Estimate
-from iwanjax.joints import Iwan4
+from iwanjax.discrepancy.nested import SLIDING_JOINT, Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 
 VALUES = len(IWAN_PARAMETERS)
 """Parameters of a joint left out, the last ones of a fit."""
-# Strengths of a slider that a joint becomes where all of its sliders slip at once.
-_ALL_AT_ONCE = 30.0
+# How near a joint is to the slider that it becomes where all of its sliders slip at once.
+_ALL_AT_ONCE = 1.0 / 30.0
 
 
 class AddedJoint(NamedTuple):
@@ -44,5 +44,4 @@ def joint_estimates(fit: WithAddedJoint) -> tuple[Estimate, ...]:
 
 def as_slider(k: float, slip: float) -> np.ndarray:
     """Parameters of the joint that a slider of stiffness k is the limit of."""
-    joint = Iwan4(F_S=k * slip, K_T=k, chi=-0.5, beta=_ALL_AT_ONCE)
-    return np.array([float(getattr(joint, info.name)) for info in IWAN_PARAMETERS])
+    return np.array(SLIDING_JOINT.widened((k, slip), Scales(slip, 1.0), _ALL_AT_ONCE))

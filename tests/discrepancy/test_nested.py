@@ -1,0 +1,233 @@
+"""A law that contains another one never fits worse than it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from struck_mass import JOINT, searching, struck
+
+from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind, SensorKind, kinds_of
+from iwanjax.discrepancy.histories import selection as selection
+from iwanjax.discrepancy.histories.hypotheses import (
+    JointStart,
+    force,
+    joined,
+    sensor,
+    with_joint,
+    with_stiction,
+)
+from iwanjax.discrepancy.histories.linearise import residuals_at
+from iwanjax.discrepancy.histories.multistart import multistart
+from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
+from iwanjax.discrepancy.histories.problem import Start
+from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
+from iwanjax.discrepancy.nested import TURNED, Nested, Scales
+
+KINDS = {f"{kind.name} {getattr(kind, 'variant', '')}".strip(): kind for kind in kinds_of()}
+
+
+def _limits(kind: Kind) -> tuple[Nested, ...]:
+    return getattr(kind, "limits", ())
+
+
+LAWS = [
+    pytest.param(kind, nested, id=f"{name}, {nested.name}")
+    for name, kind in KINDS.items()
+    for nested in _limits(kind)
+]
+# One set of kernels serves all searches.
+NAMES = (
+    "bilinear_stiffness",
+    "coulomb_friction",
+    "cubic_stiffness",
+    "gap_contact",
+    "stiffness_error",
+    "viscous_damping",
+    "viscoelastic",
+)
+# Share of what was measured that is no difference.
+HARDLY = 1e-3
+
+
+@pytest.mark.parametrize(("kind", "nested"), LAWS)
+@given(
+    st.floats(1e-3, 1e6),
+    st.floats(1e-6, 1e3),
+    st.floats(1e-6, 1.0),
+    st.floats(1e-3, 10.0),
+    st.floats(1e-4, 0.1),
+)
+def test_a_law_is_found_again_where_it_was_begun_from(
+    kind, nested: Nested, size, shape, deflection, period, share
+):
+    simpler = KINDS[nested.name]
+    values = (size, shape) if getattr(simpler, "shape", None) else (size,)
+    if isinstance(simpler, SensorKind):
+        values = (TURNED,)
+    there = nested.widened(values, Scales(deflection, period), share)
+    back = nested.narrowed(there)
+    assert any(np.allclose(each, values, rtol=1e-9) for each in back)
+
+
+@pytest.fixture(scope="module")
+def searched():
+    """A mass that a spring is missing from, with all that may be missing instead."""
+    names = (*NAMES, *(kind.name for kind in kinds_of() if isinstance(kind, SensorKind)))
+    return searching(struck(lambda d: 8e3 * d), names=tuple(dict.fromkeys(names)))
+
+
+Z = np.array([0.3, -0.2, 0.1, 0.2])
+
+
+def begun(searched, *names: str) -> RankedFit:
+    """An entry of kinds at the only place or sensor, in the free run.
+
+    An observer is designed for a model's linear part, which a gap has not and a spring is.
+    """
+    problem, scope = searched
+    (place,) = scope.places
+    sizes = {"cubic_stiffness": 1e9, "viscous_damping": 5.0}
+    shapes = {"viscoelastic": 0.01, "sensor_saturation": 50.0}
+    starts, own = [], problem
+    for name in names:
+        kind = KINDS[name]
+        if isinstance(kind, ForceKind):
+            law = sizes.get(name, 5e3), shapes.get(name, 3e-4)
+            starts.append(force(problem, kind, "J1", np.asarray(place.row), Z, *law))
+        elif isinstance(kind, SensorKind):
+            size = shapes.get(name, 0.1)
+            starts.append(sensor(problem, kind, 0, "a1", Z, size))
+    beside = starts[0] if starts else None
+    for kind in (KINDS[name] for name in names):
+        if isinstance(kind, JointKind) and kind.name == "stiction":
+            own, starts = with_stiction(problem, kind, 0, "J1", (0.6,), Z, beside)
+        elif isinstance(kind, JointKind):
+            own, starts = with_joint(problem, kind, place, [JointStart(5e3, 3e-4, Z)], beside)
+    if not names:
+        starts = [Start(problem.nothing(), np.append(Z, [0.0, 0.0]))]
+    return RankedFit(own, multistart(own, [joined(own, starts)], math.inf, 0)[0])
+
+
+CONTAINED = [
+    *(((name,), (each.name,)) for name, kind in KINDS.items() for each in _limits(kind)),
+    *(((name,), ()) for name in NAMES),
+    *(((name,), ()) for name in ("sensor_gain", "sensor_delay", "sensor_saturation")),
+    (("iwan_joint",), ()),
+    (("stiction",), ()),
+    (("stiffness_error", "sensor_gain"), ("sensor_gain",)),
+    (("viscoelastic", "cubic_stiffness"), ("viscous_damping",)),
+    (("viscoelastic", "cubic_stiffness"), ("cubic_stiffness", "stiffness_error")),
+    (("iwan_joint", "stiffness_error"), ("iwan_joint",)),
+    (("iwan_joint", "stiffness_error"), ("coulomb_friction",)),
+    (("stiction", "cubic_stiffness"), ("cubic_stiffness",)),
+]
+
+
+@pytest.mark.parametrize(("whole", "part"), CONTAINED)
+def test_a_law_is_begun_where_it_predicts_what_one_that_it_contains_does(searched, whole, part):
+    problem, scope = searched
+    large, small = begun(searched, *whole), begun(searched, *part)
+    starts = widened(large, small, scope, problem)
+    assert len(starts) == 4
+    assert all(start.hypothesis.label == large.fitted.hypothesis.label for _, start in starts)
+    off = [
+        np.linalg.norm(seen - small.fitted.residual)
+        for own, each in starts
+        for seen in residuals_at(own, [(each.hypothesis, each.theta)], math.inf)
+    ]
+    wave = np.linalg.norm(np.asarray(problem.data.weight * problem.data.response))
+    assert off[-1] < HARDLY * wave
+    assert off[-1] < 1.01 * min(off) + 1e-12 * wave
+    # It begins from there, and costs no more for where its joints are.
+    own, start = starts[-1]
+    (fitted,) = multistart(own, [start], math.inf, 0)
+    assert fitted.cost == pytest.approx(small.fitted.cost, rel=0.1)
+
+
+def test_what_has_another_sign_or_place_or_is_no_limit_is_not_contained(searched):
+    problem, scope = searched
+    large, small = begun(searched, "viscoelastic"), begun(searched, "stiffness_error")
+    softer = small.fitted.theta.copy()
+    softer[:, 4] = -1.0
+    softer = replace(small, fitted=replace(small.fitted, theta=softer))
+    assert widened(large, small, scope, problem)
+    assert not widened(large, softer, scope, problem)
+    hypotheses = {
+        name: begun(searched, name).fitted.hypothesis
+        for name in ("stiffness_error", "viscoelastic", "gap_contact", "sensor_polarity")
+    }
+    spring, maxwell, gap, turned = hypotheses.values()
+    assert holding(maxwell, spring)
+    assert holding(maxwell, replace(spring, where=("elsewhere",))) is None
+    assert holding(spring, maxwell) is None
+    assert holding(gap, maxwell) is None
+    # The wrong sign has no size, and so is never none at all.
+    assert holding(turned, problem.nothing()) is None
+
+
+def worse(base: RankedFit, entries: list[RankedFit]) -> list[str]:
+    """Entries that cost more than one that they contain, and which."""
+    once = 1.0 + tolerance_of(base.fitted.time_constant)
+    return [
+        f"{e.fitted.hypothesis.label} > {o.fitted.hypothesis.label}"
+        for e in entries
+        for o in (base, *entries)
+        if e is not o
+        and e.fitted.time_constant == o.fitted.time_constant == base.fitted.time_constant
+        and holding(e.fitted.hypothesis, o.fitted.hypothesis) is not None
+        and e.fitted.cost > once * o.fitted.cost
+    ]
+
+
+@pytest.mark.parametrize(
+    ("missing", "c", "whole"),
+    [
+        pytest.param(0.0, 400.0, "viscoelastic@J1", id="a damper in a Maxwell element"),
+        pytest.param(8e3, 2.5, "viscoelastic@J1", id="a spring in a Maxwell element"),
+        pytest.param(8e3, 2.5, "coulomb_friction@J1", id="a spring in a slider"),
+    ],
+)
+def test_after_a_competition_nothing_fits_worse_than_what_it_contains(
+    monkeypatch, missing, c, whole
+):
+    """What contains the truth was given up where a search of it had led, 100 times worse."""
+    response = struck(lambda d: missing * d, c=c)
+    problem, scope = searching(response, replace(JOINT, F_S=1e7), NAMES)
+    seen = []
+
+    def before(base, entries, scope):
+        seen.extend(entries)
+        return none_worse(base, entries, scope)
+
+    monkeypatch.setattr(selection, "none_worse", before)
+    table = selection.run(problem, scope, 0)
+    (given_up,) = (e.fitted for e in seen if e.fitted.hypothesis.label == whole)
+    (found,) = (e.fitted for e in table.entries if e.fitted.hypothesis.label == whole)
+    assert given_up.cost > 100.0 * found.cost
+    assert found.time_constant == TIME_CONSTANT
+    assert table.detected
+    assert not worse(table.nominal, list(table.entries))
+
+
+def test_a_pair_starts_from_the_better_of_the_two(searched):
+    """And a single suspect from nothing."""
+    problem, scope = searched
+    nothing, spring, pair = (
+        replace(each, fitted=multistart(problem, [each.fitted.start], TIME_CONSTANT, steps)[0])
+        for each, steps in (
+            (begun(searched), STEPS),
+            (begun(searched, "stiffness_error"), STEPS),
+            (begun(searched, "viscous_damping", "stiffness_error"), 0),
+        )
+    )
+    damper = begun(searched, "viscous_damping")
+    damper = replace(damper, fitted=multistart(problem, [damper.fitted.start], TIME_CONSTANT, 0)[0])
+    assert worse(nothing, [damper, spring, pair])
+    found = none_worse(nothing, [pair, spring, damper], scope)
+    assert len(found) == 3
+    assert not worse(nothing, found)
+    # What was no worse stays what it was.
+    assert any(each.fitted is spring.fitted for each in found)
