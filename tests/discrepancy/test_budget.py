@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from test_ranking import SEARCH, entry
 
-from iwanjax.discrepancy.histories import selection as selection
+from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.ranking import Scope
 from iwanjax.discrepancy.histories.selection import ModelSelection
 
-STAGES = ("_nominal", "screened", "_first", "again")
+STAGES = ("nominal_fit", "tested", "_first", "again")
 
 
 def scope(stages: int, seen: list[str]) -> Scope:
@@ -25,8 +25,8 @@ def test_no_stage_begins_when_the_time_is_over(monkeypatch, stages):
         drop=0.9, start=SimpleNamespace(hypothesis=entry(1.0, "mass_error@a").fitted.hypothesis)
     )
     results = {
-        "_nominal": entry(9.0).fitted,
-        "screened": [candidate],
+        "nominal_fit": entry(9.0).fitted,
+        "tested": [candidate],
         "_first": [entry(1.0, "mass_error@a", time_constant=2.0)],
     }
 

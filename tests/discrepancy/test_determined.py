@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.effects import CATALOGUE
-from iwanjax.discrepancy.histories import hypotheses as hypotheses
+from iwanjax.discrepancy.histories import estimates
 from iwanjax.discrepancy.histories.estimates import determined
 from iwanjax.discrepancy.steady.one_joint import Deviations, PlacedForce, Ranking
 
@@ -30,7 +30,7 @@ def fitted(name, theta, shape=False, fixed=False):
 @pytest.fixture
 def known(monkeypatch):
     """Sets the covariance of what was fitted."""
-    return lambda C: monkeypatch.setattr(hypotheses, "covariance", lambda *_: np.array(C))
+    return lambda C: monkeypatch.setattr(estimates, "covariance", lambda *_: np.array(C))
 
 
 @pytest.mark.parametrize(("gain", "std", "sure"), [(-0.127, 1.6, False), (-0.127, 0.01, True)])

@@ -170,7 +170,7 @@ def test_what_fails_late_costs_no_verdict(told, monkeypatch, tmp_path):
     monkeypatch.setattr(module, "restoring_force", failing)
     monkeypatch.setattr(module, "observables", failing)
     monkeypatch.setattr("iwanjax.verbs.diagnose.plot_prediction", failing)
-    monkeypatch.setattr("iwanjax.discrepancy.resolution.free_run", only_fitted())
+    monkeypatch.setattr("iwanjax.discrepancy.histories.time_steps.free_run", only_fitted())
     _, out = told
     study, again = out.parent / "study.yaml", tmp_path / "out"
     result = CliRunner().invoke(app, ["diagnose", str(study), "--out", str(again)])

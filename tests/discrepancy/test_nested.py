@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from struck_mass import JOINT, searching, struck
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind, SensorKind, kinds_of
-from iwanjax.discrepancy.histories import selection as selection
+from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.hypotheses import (
     JointStart,
     force,

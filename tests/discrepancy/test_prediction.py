@@ -12,7 +12,7 @@ import scipy.linalg
 import iwanjax as ij
 from iwanjax.discrepancy import CATALOGUE
 from iwanjax.discrepancy.histories import columns as trials
-from iwanjax.discrepancy.histories import hypotheses as hypotheses
+from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.columns import columns_at_rest
 from iwanjax.discrepancy.histories.conditioning import conditioned
 from iwanjax.discrepancy.histories.innovations import DELAY_NODES, chain, change_by_delay

@@ -13,7 +13,7 @@ from struck_mass import JOINT, resolution, searching, struck
 
 import iwanjax as ij
 from iwanjax.discrepancy.effects import CATALOGUE, ForceKind, JointKind
-from iwanjax.discrepancy.histories import selection as selection
+from iwanjax.discrepancy.histories import restarts, selection
 from iwanjax.discrepancy.histories.conditioning import _finer
 from iwanjax.discrepancy.histories.hypotheses import JointStart, force, with_joint, with_stiction
 from iwanjax.discrepancy.histories.joint_faults import without_the_other
@@ -323,9 +323,9 @@ def test_ends_that_agree_are_taken_for_all_but_not_where_nothing_explains_the_re
         asked.extend(starts)
         return [SimpleNamespace(cost=1.0 if start == 5 else 12.7) for start in starts]
 
-    monkeypatch.setattr(selection, "multistart", ends)
+    monkeypatch.setattr(restarts, "multistart", ends)
     scope = SimpleNamespace(in_time=lambda: True)
-    fits = selection._scattered(None, range(8), math.inf, scope, everywhere)  # type: ignore[arg-type]
+    fits = restarts._scattered(None, range(8), math.inf, scope, everywhere)  # type: ignore[arg-type]
     assert fits[0].cost == least
     assert len(asked) == tried
 
@@ -362,9 +362,9 @@ def test_a_fault_of_a_joint_that_leaves_something_is_tried_from_other_joints(
             for start in starts
         ]
 
-    monkeypatch.setattr(selection, "multistart", ends)
+    monkeypatch.setattr(restarts, "multistart", ends)
     if lost:
-        (found,) = selection._restarted(tight, nominal, [entry], scope, 0, everywhere=True)
+        (found,) = restarts.restarted(tight, nominal, [entry], scope, 0, everywhere=True)
         assert found.problem is own
         assert found.fitted.cost == noise
         assert all(problem is own and shapes == {(7,)} for problem, shapes in asked)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.discrepancy.effects import ForceKind, Kind, SensorKind
-from iwanjax.discrepancy.histories import hypotheses as hypotheses
+from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.innovations import LONGEST_DELAY, change_by_delay
 from iwanjax.discrepancy.histories.kernels import Joint, Small, responses, unit_forces
 from iwanjax.discrepancy.histories.linearise import innovations
@@ -20,9 +20,10 @@ from iwanjax.discrepancy.histories.places import Place
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.signals.comparison_band import passed
+from iwanjax.threads import available_threads
 
-# Suspects that a kernel takes at once, and kernels that run at once.
-_AT_ONCE, _THREADS = 16, 2
+# Suspects that a kernel takes at once.
+_AT_ONCE = 16
 # What small errors of a sensor are: of its gain, or of its time.
 _SMALL = ("gain", "delay")
 
@@ -88,7 +89,7 @@ def columns(
         return np.zeros((0, *problem.data.response.shape))
     # The first alone, for two would both compile the kernel.
     first = run(0)
-    with ThreadPoolExecutor(_THREADS) as pool:
+    with ThreadPoolExecutor(available_threads()) as pool:
         return np.concatenate([first, *pool.map(run, range(_AT_ONCE, len(effects), _AT_ONCE))])
 
 
@@ -189,7 +190,7 @@ def columns_at_rest(
 
     Yields
     ------
-    (lanes,), (effects, recordings x N x sensors) array
+    (effects,), (effects, recordings x N x sensors) array
         Place by place, which of the forces act there and their columns.
     """
     weight = np.moveaxis(np.asarray(problem.data.weight), 1, 2)

@@ -12,7 +12,7 @@ from iwanjax.discrepancy.diagnosis import Diagnosis, Errors, Suspect, alike
 from iwanjax.discrepancy.effects import ForceKind, kinds_of
 from iwanjax.discrepancy.evidence import LEAST_GAIN
 from iwanjax.discrepancy.failures import attempted
-from iwanjax.discrepancy.histories import selection as selection
+from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.conditioning import MODEL_ERROR
 from iwanjax.discrepancy.histories.estimates import estimates
 from iwanjax.discrepancy.histories.kernels import Joint

@@ -9,14 +9,11 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.discrepancy.histories import kernels as kernels
+from iwanjax.discrepancy.histories import kernels
 from iwanjax.discrepancy.histories.kernels import Joint
 from iwanjax.discrepancy.histories.predictor import Predictor, Suspects
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
-
-# Kernels that run at once, of one hypothesis each: as many to a kernel are no quicker together.
-# Derivatives come in as many parts, so that no core waits for a hypothesis on its own.
-_THREADS = 2
+from iwanjax.threads import available_threads
 
 _Found = TypeVar("_Found")
 
@@ -86,25 +83,28 @@ def linearise(
         return []
     gains = problem.gains([h.suspects for h, _ in points], _means(points), time_constant)
     values = points[0][1].shape[1]
-    size = math.ceil(values / _THREADS)
+    # Derivatives come in as many parts as there are threads, so that none waits for a hypothesis
+    # on its own; more parts than derivatives would be empty.
+    threads = min(available_threads(), values)
+    size = math.ceil(values / threads)
     # All parts are of one size, for one kernel.
-    ways = np.eye(_THREADS * size, values)
+    ways = np.eye(threads * size, values)
     turned = np.zeros((len(points), len(ways), *gains.gain.shape[1:]))
     turned[:, : gains.slope.shape[1]] = gains.slope
 
     J = np.empty((len(points), problem.recordings, len(ways), *problem.data.response.shape[1:]))
 
     def run(i: int) -> np.ndarray:
-        point, part = i // _THREADS, slice(i % _THREADS * size, (i % _THREADS + 1) * size)
+        point, part = i // threads, slice(i % threads * size, (i % threads + 1) * size)
         fixed = _fixed(problem, *points[point])
         along = jax.device_put((ways[part], gains.gain[point], turned[point, part]))
         e, J[point, :, part] = kernels.slopes(*fixed, *along, problem.data)
         return np.asarray(e)
 
     slots = points[0][0].suspects.row.shape[0]
-    found = _each(problem, ("slopes", slots), _THREADS * len(points), run)
+    found = _each(problem, ("slopes", slots), threads * len(points), run)
     return [
-        Linearisation.of(e, own[:, :values]) for e, own in zip(found[::_THREADS], J, strict=True)
+        Linearisation.of(e, own[:, :values]) for e, own in zip(found[::threads], J, strict=True)
     ]
 
 
@@ -158,5 +158,5 @@ def _each(
     alone = 0 if made in problem.compiled else 1
     found = [run(i) for i in range(alone)]
     problem.compiled.add(made)
-    with ThreadPoolExecutor(_THREADS) as pool:
+    with ThreadPoolExecutor(available_threads()) as pool:
         return [*found, *pool.map(run, range(alone, count))]

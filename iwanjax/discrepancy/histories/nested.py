@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind, SensorKind
-from iwanjax.discrepancy.histories import hypotheses as hypotheses
+from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.kernels import joints_of
 from iwanjax.discrepancy.histories.likelihood import unknowns
 from iwanjax.discrepancy.histories.linearise import residuals_at

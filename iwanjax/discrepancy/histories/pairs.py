@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
-from iwanjax.discrepancy.histories import hypotheses as hypotheses
+from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.likelihood import Evidence, evidence, left_by_noise
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start, Variant

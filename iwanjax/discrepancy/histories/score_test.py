@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.effects import JointKind, Kind, SensorKind
-from iwanjax.discrepancy.histories import hypotheses as hypotheses
+from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.columns import (
     UnitEffect,
     columns,

@@ -21,7 +21,6 @@ from iwanjax.discrepancy.histories.macroslip import in_the_middle
 from iwanjax.discrepancy.histories.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
-    alike,
     multistart,
 )
 from iwanjax.discrepancy.histories.nested import none_worse, with_nested_laws
@@ -37,7 +36,6 @@ from iwanjax.discrepancy.histories.ranking import (
     RankedFit,
     Scope,
     again,
-    cost_of,
     distinct,
     doubted,
     finalists,
@@ -48,6 +46,13 @@ from iwanjax.discrepancy.histories.ranking import (
     settled,
     tested,
 )
+from iwanjax.discrepancy.histories.restarts import (
+    FAR,
+    OUT_OF_SIGHT,
+    nominal_fit,
+    renominated,
+    restarted,
+)
 from iwanjax.discrepancy.histories.score_test import Candidate
 from iwanjax.discrepancy.histories.slow_effects import appearing
 
@@ -55,27 +60,18 @@ from iwanjax.discrepancy.histories.slow_effects import appearing
 _LONG = (40.0, math.inf)
 # Relative gain that is worth another step while many suspects are still in the race.
 _ROUGH = 1e-2
-# Starts of the joints; how many suspects are tried from other joints, how many of these, and the
-# memory to begin with.
-_STARTS = 4
-_RESTARTED, _RESTARTS, _SHORTEST = 2, 8, 1.0
-# Hypotheses that are refitted with a memory of two, eight and thirty cycles; the first ones of all
-# screenings: what is missing was among the first five of one.
-_FIRST, _SECOND, _THIRD = 12, 6, 3
+# Hypotheses that are refitted with a time constant of two and of eight cycles; the first ones of
+# all score tests: what is missing was among the first five of one.
+_FIRST, _SECOND = 12, 6
 # Of the first how many go on after a few steps: in 25 of 27 cases the later winner led by then,
 # in the others it was second or third.
 _FIELD = 8
-# Times the best cost until which the nominal model may catch up with its best rival, and a start
-# with the nominal model.
-_OUT_OF_SIGHT = 100.0
 # Shares of the size foreseen that are begun with, until the model withstands one.
 _SMALLER = (1.0, 0.1, 0.01)
 # Drop of the first in a screening from which on no other screening is needed.
-CLEAR = 0.8
-# Squared residual over the noise's from which on the joints as given are looked from as well.
-_FAR = 3.0
-# Share of the best one's drop from which on a suspect is worth a refit; costs that are the same.
-_HOPELESS, _SAME = 0.15, 1.02
+_CLEAR = 0.8
+# Share of the best one's drop from which on a suspect is worth a refit.
+_HOPELESS = 0.15
 
 
 class ModelSelection(NamedTuple):
@@ -117,14 +113,14 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         Of the starts.
     """
     scope.progress("refitting the joints")
-    nominal = _nominal(problem, scope, seed)
+    nominal = nominal_fit(problem, scope, seed)
     if not scope.in_time():
         return ModelSelection(False, RankedFit(problem, nominal), (), ())
     scope.progress("screening kinds and places")
     candidates = tested(problem, nominal, scope)
     both = [candidates]
-    clear = bool(candidates) and candidates[0].drop > CLEAR
-    if nominal.cost > _FAR * left_by_noise(problem) and not clear and scope.in_time():
+    clear = bool(candidates) and candidates[0].drop > _CLEAR
+    if nominal.cost > FAR * left_by_noise(problem) and not clear and scope.in_time():
         # Joints that were bent to explain something else are a bad place to look from.
         given = Start(problem.nothing(), np.zeros(problem.parameters + 2))
         both.append(tested(problem, multistart(problem, [given], SHORT_TIME_CONSTANT, 0)[0], scope))
@@ -136,19 +132,19 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         return ModelSelection(False, RankedFit(problem, nominal), (), scores)
     scope.progress("refitting suspects")
     shorts = _first(problem, nominal, both, scope)
-    explained = bool(shorts) and shorts[0].fitted.cost < _FAR * left_by_noise(problem)
-    within = _FAR if explained else GIVE_UP
+    explained = bool(shorts) and shorts[0].fitted.cost < FAR * left_by_noise(problem)
+    within = FAR if explained else GIVE_UP
     near = [e for e in shorts[:_SECOND] if e.fitted.cost < within * shorts[0].fitted.cost]
     if not scope.in_time():
         # With a shorter memory than the nominal model's they cannot be held against it.
         return ModelSelection(False, RankedFit(problem, nominal), (), scores)
     entries = again(near, shorts[len(near) :], TIME_CONSTANT, scope)
-    if least(nominal, entries).cost > _FAR * left_by_noise(problem):
+    if least(nominal, entries).cost > FAR * left_by_noise(problem):
         entries = probed(problem, shorts, entries, [c for each in both for c in each], scope)
-    entries = _restarted(problem, nominal, entries, scope, seed)
+    entries = restarted(problem, nominal, entries, scope, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     if scope.in_time():
-        nominal = _renominated(problem, nominal, entries, scope)
+        nominal = renominated(problem, nominal, entries, scope)
     base, singles = ranked(RankedFit(problem, nominal), entries)
     found = bool(singles) and missing(base, singles[0])
     if found and singles[0].fitted.cost > MISFIT * left_by_noise(problem):
@@ -167,8 +163,8 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     base, entries = ranked(base, entries)
     if entries and scope.in_time() and _lost(problem, base.fitted, entries):
         # Nothing that was tried explains all: ends that agreed may all have been the wrong one.
-        entries = _restarted(problem, base.fitted, entries, scope, seed + 1, everywhere=True)
-        base = replace(base, fitted=_renominated(problem, base.fitted, entries, scope))
+        entries = restarted(problem, base.fitted, entries, scope, seed + 1, everywhere=True)
+        base = replace(base, fitted=renominated(problem, base.fitted, entries, scope))
         base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_nested_laws(problem, entries, scope))
@@ -223,7 +219,7 @@ def _moved(entries: Sequence[RankedFit], problem: HistoryProblem) -> list[Ranked
 
 def _lost(problem: HistoryProblem, nominal: HypothesisFit, entries: Sequence[RankedFit]) -> bool:
     """Whether much is left, or a fault of a joint leaves something: that had one start only."""
-    enough = _FAR if entries[0].problem is problem else MISFIT
+    enough = FAR if entries[0].problem is problem else MISFIT
     return least(nominal, entries).cost > enough * left_by_noise(problem)
 
 
@@ -263,36 +259,6 @@ def _polished(
     return base, doubted(base.problem, close) if close else close
 
 
-def _nominal(problem: HistoryProblem, scope: Scope, seed: int) -> HypothesisFit:
-    """Joints refitted from several starts: a local minimum here would be a false alarm."""
-    random = np.random.default_rng(seed)
-    draws = random.standard_normal((_STARTS - 1, problem.parameters))
-    starts = [
-        Start(problem.nothing(), np.append(z, [0.0, 0.0]))
-        for z in (np.zeros(problem.parameters), *draws)
-    ]
-    found = multistart(
-        problem, starts, SHORT_TIME_CONSTANT, STEPS, give_up=GIVE_UP, in_time=scope.in_time
-    )
-    starts = _ends(sorted(found, key=lambda each: each.cost))
-    if min(each.cost for each in found) > _FAR * left_by_noise(problem):
-        # Bent to explain something else, one way or the other.
-        starts = starts[:1]
-    if not scope.in_time():
-        return min(found, key=lambda each: each.cost)
-    found = multistart(
-        problem, starts, TIME_CONSTANT, STEPS, give_up=GIVE_UP, in_time=scope.in_time
-    )
-    best = min(found, key=lambda each: each.cost)
-    return settled(problem, best, scope) if best.cost < _FAR * left_by_noise(problem) else best
-
-
-def _ends(fits: Sequence[HypothesisFit]) -> list[Start]:
-    """Where the best of fits, the best first, and the next that came to another end go on."""
-    others = [each for each in fits[1:] if not alike(each.residual, fits[0].residual)]
-    return [each.start for each in (fits[0], *others[:1])]
-
-
 def _first(
     problem: HistoryProblem,
     nominal: HypothesisFit,
@@ -302,7 +268,7 @@ def _first(
     """The best candidates, the rivals at the best place, and joints' faults, refitted."""
     least = LEAST_PROMISE / max(evidence(problem, [nominal]).worth(nominal), 1e-300)
     promising = [[c for c in each if c.drop > least] for each in tested]
-    far = nominal.cost > _FAR * left_by_noise(problem)
+    far = nominal.cost > FAR * left_by_noise(problem)
     chosen: dict[Variant, list[Start]] = {}
     for candidates in promising:
         best = candidates[0].start.hypothesis.where[-1] if candidates else ""
@@ -355,107 +321,6 @@ def _begun(
         )
         costs = [float(np.sum(e**2)) for e in seen]
         for cost, (i, start) in sorted(zip(costs, points, strict=True), key=lambda each: each[0]):
-            if cost < _OUT_OF_SIGHT * nominal.cost:
+            if cost < OUT_OF_SIGHT * nominal.cost:
                 begun.setdefault(i, start)
     return [begun[i] for i in sorted(begun)]
-
-
-def _restarted(
-    problem: HistoryProblem,
-    nominal: HypothesisFit,
-    entries: list[RankedFit],
-    scope: Scope,
-    seed: int,
-    *,
-    everywhere: bool = False,
-) -> list[RankedFit]:
-    """The best suspects from joints all over their prior, where they leave something.
-
-    With several joints and a strong suspect most starts end in a local minimum. ``everywhere``
-    takes the best one only, and all starts whether or not the first of them agree.
-    """
-    best = least(nominal, entries)
-    if best.cost < MISFIT * left_by_noise(problem) or not entries:
-        return entries
-    scope.progress("refitting the best suspects from other joints")
-    random = np.random.default_rng(seed)
-    found, shortest = list(entries), math.inf
-    for i, entry in enumerate(entries[: 1 if everywhere else _RESTARTED]):
-        start, own = entry.fitted.start, entry.problem
-        if entry.fitted.cost > _FAR * best.cost or not scope.in_time():
-            continue
-        p = own.parameters
-        draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
-        starts = [Start(start.hypothesis, np.concatenate([z, start.common[p:]])) for z in draws]
-        fits = _scattered(own, starts, shortest, scope, everywhere)
-        if fits[0].cost > _FAR * shortest:
-            continue
-        shortest = min(shortest, fits[0].cost)
-        for time_constant in (SHORT_TIME_CONSTANT, TIME_CONSTANT):
-            fits = multistart(
-                own,
-                _ends(fits),
-                time_constant,
-                STEPS,
-                give_up=GIVE_UP,
-                best=best.cost,
-                in_time=scope.in_time,
-            )
-            fits.sort(key=lambda each: each.cost)
-        if fits[0].cost < entry.fitted.cost:
-            found[i] = replace(entry, fitted=fits[0])
-        best = min(best, fits[0], key=lambda each: each.cost)
-    return sorted(found, key=cost_of)
-
-
-def _scattered(
-    problem: HistoryProblem, starts: Sequence[Start], best: float, scope: Scope, everywhere: bool
-) -> list[HypothesisFit]:
-    """Fits from joints all over with the shortest memory, the best first.
-
-    Unless they are to be looked for everywhere, the first few are taken for all where they agree,
-    or are far behind the best of another.
-    """
-    fits: list[HypothesisFit] = []
-    for some in (starts[:_RESTARTED], starts[_RESTARTED:]):
-        costs = [each.cost for each in fits]
-        if (
-            fits
-            and not everywhere
-            and (max(costs) < _SAME * min(costs) or min(costs) > _FAR * best)
-        ):
-            break
-        fits += multistart(
-            problem,
-            some,
-            _SHORTEST,
-            STEPS,
-            give_up=GIVE_UP,
-            best=best,
-            at_most=_THIRD,
-            in_time=scope.in_time,
-        )
-    return sorted(fits, key=lambda each: each.cost)
-
-
-def _renominated(
-    problem: HistoryProblem, nominal: HypothesisFit, entries: Sequence[RankedFit], scope: Scope
-) -> HypothesisFit:
-    """The nominal model from the joints of the best suspects as well."""
-    p = problem.parameters
-    near = nominal.cost < _FAR * least(nominal, entries).cost
-    starts = [
-        Start(problem.nothing(), np.append(entry.fitted.theta.mean(axis=0)[:p], [0.0, 0.0]))
-        for entry in entries[: _THIRD if near else 1]
-        if entry.problem is problem
-    ]
-    found = multistart(
-        problem,
-        starts,
-        TIME_CONSTANT,
-        STEPS,
-        give_up=_OUT_OF_SIGHT,
-        best=least(nominal, entries).cost,
-        in_time=scope.in_time,
-    )
-    return min([nominal, *found], key=lambda each: each.cost)
