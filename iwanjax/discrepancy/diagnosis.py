@@ -11,6 +11,8 @@ from iwanjax.discrepancy.judgement import Verdict
 from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.restoring_force import RestoringForce
 from iwanjax.discrepancy.wording import noun, sentence, share, sizes
+from iwanjax.results import AbstractResult
+from iwanjax.tables import Block, without_empty_columns
 
 # Probability of something else from which on it is told.
 _TOLD = 0.05
@@ -18,6 +20,8 @@ _TOLD = 0.05
 _EXCLUDED = 1e-3
 # What noise exceeds in one case of twenty over what it leaves, from which on both are told.
 _OFTEN = 1.15
+# Rivals that a summary lists.
+_LISTED = 6
 
 
 class Prediction(Protocol):
@@ -108,7 +112,7 @@ class Score(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Diagnosis(AbstractResult):
     """Result of :func:`iwanjax.diagnose`.
 
     Attributes
@@ -215,7 +219,8 @@ class Diagnosis:
 
     def statement(self) -> str:
         """All of it: the verdict first, then the improvement, the doubt, what to measure next."""
-        return " ".join(filter(None, self.told()))
+        *parts, following = self.told()
+        return " ".join(filter(None, (*parts, _measure_next(following))))
 
     @property
     def _held(self) -> bool:
@@ -320,28 +325,52 @@ class Diagnosis:
     def _next(self) -> list[str]:
         """What to measure next, by what is open."""
         if not self.complete:
-            return ["Next: give it more time"]
+            return ["The same recordings, with more time to compare them"]
         if self.refused:
             return [
-                "Measure next: recordings to fit that are as hard as those held out; what was "
-                "refused had been fitted at other amplitudes"
+                "Recordings to fit that are as hard as those held out; what was refused had been "
+                "fitted at other amplitudes"
             ]
         if self.verdict.found and any(a == self.found[0].label for a, _ in self.indistinguishable):
             return [
-                "Measure next: harder and softer hits than these; explanations that agree at the "
-                "amplitudes measured part beyond them"
+                "Harder and softer hits than these; explanations that agree at the amplitudes "
+                "measured part beyond them"
             ]
         if not self._held:
-            return ["Measure next: a recording to hold out, at an amplitude of its own"]
+            return ["A recording to hold out, at an amplitude of its own"]
         if self.verdict.name == "undecided" and self.detected:
             where = f", near {self.scores[0].where} first" if self.scores else ""
             return [
-                "Measure next: more sensors and single modes at several amplitudes"
-                f"{where}, to see which motion the misfit goes with"
+                f"More sensors and single modes at several amplitudes{where}, to see which motion "
+                "the misfit goes with"
             ]
         if self.verdict.name == "undecided":
-            return ["Measure next: harder hits, or the same ones with less noise"]
-        return ["Measure next: harder hits; beyond these amplitudes nothing is known"]
+            return ["Harder hits, or the same ones with less noise"]
+        return ["Harder hits; beyond these amplitudes nothing is known"]
+
+    def _blocks(self) -> tuple[Block, ...]:
+        told = self.told()
+        suspects = [
+            (
+                noun(each.kind, each.where),
+                f"{each.probability:.2g}",
+                sizes(each.parameters),
+                ", ".join(each.joint_with),
+            )
+            for each in self.what[:_LISTED]
+        ]
+        errors = [
+            (name, share(errors.fit), share(errors.hold_out) if self._held else "")
+            for name, errors in (
+                ("joints refitted", self.before),
+                *([("with the first of these", self.after)] if self.what else []),
+                ("noise alone", self.noise_floor),
+            )
+        ]
+        header = ("what may be missing", "probability", "parameters", "together with")
+        tables = [without_empty_columns(header, suspects)] if suspects else []
+        tables.append(without_empty_columns(("error", "fitted", "held out"), errors))
+        return told.verdict, *tables, *filter(None, (told.doubt, _measure_next(told.next)))
 
 
 class Report(NamedTuple):
@@ -367,6 +396,10 @@ class Report(NamedTuple):
 
 def _ended(line: str) -> str:
     return line if line.endswith(".") else f"{line}."
+
+
+def _measure_next(text: str) -> str:
+    return f"Measure next: {text[:1].lower()}{text[1:]}"
 
 
 def _refusal(each: Refused) -> str:

@@ -27,7 +27,7 @@ from iwanjax.verbs.diagnosed import diagnosed
 from iwanjax.verbs.output import file_names, results, save, version, write_json
 
 # Parts of a report's lead after the verdict.
-_PARTS = ("Improvement", "Doubt", "Next")
+_PARTS = ("Improvement", "Doubt", "Measure next")
 # Differences by mode that a report lists.
 _MODES = 12
 

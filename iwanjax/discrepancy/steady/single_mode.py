@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from iwanjax.dynamics.decays import ModalDecays
 from iwanjax.quasistatic import ModalOscillator, coupled_modes, qsma
+from iwanjax.results import AbstractResult
 from iwanjax.signals.hilbert import RingDown
 
 _LOADS, _POINTS = 200, 200
@@ -16,7 +17,7 @@ _MARGIN = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class ModeComparison:
+class ModeComparison(AbstractResult):
     """One mode of one decay beside two models: result of :func:`iwanjax.compare_modes`.
 
     Attributes
@@ -46,6 +47,8 @@ class ModeComparison:
     coupled: Float[np.ndarray, "levels 2"] = field(repr=False)
     share: Float[np.ndarray, "levels joints"] = field(repr=False)
     alone: Float[np.ndarray, "3 points"] = field(repr=False)
+
+    _shown = ("case", "mode", "time", "amplitude", "single_error", "coupled_error", "share")
 
     @property
     def single_error(self) -> Float[np.ndarray, "levels 2"]:
