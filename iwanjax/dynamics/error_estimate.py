@@ -3,9 +3,9 @@ r"""How far a simulation is from the converged one, estimated while it runs.
 The exact rule errs by what the joints' forces are not linear within a step. Their second
 difference e says so: the mean of a parabola through three samples is :math:`-e/12` away from the
 straight line's. A fast mode errs by what the average acceleration does otherwise than its equation
-of motion. A joint that turns within a step has gone further than either end. The error moves on as
-a small motion of its own, by the same rule with the joints' tangents; where the steps are short, by
-one for four of them.
+of motion. A joint that turns within a step has gone further than either end, by :math:`\delta`. The
+error moves on as a small motion of its own, by the same rule with the joints' tangents; where the
+steps are short, by one for four of them.
 
 A joint of sliders remembers the force at which it turned. After a turn with the error
 :math:`\varepsilon` in deflection and the slope K before it, the branch that starts there with its
@@ -59,8 +59,8 @@ class ErrorState(NamedTuple):
         Of the pseudo-forces and of the deflections.
     offset : (joints,) array
         Of the branches that the joints are on, length.
-    tangent : (joints,) array
-        Stiffness at the last step's end.
+    tangent, moved : (joints,) array
+        Stiffness at the last step's end, and how far that step led.
     curved : (joints,) array
         Sum of the steps' own errors since the motion's last step, force.
     exact : pair of (modes,) arrays or None
@@ -76,6 +76,7 @@ class ErrorState(NamedTuple):
     d: Array
     offset: Array
     tangent: Array
+    moved: Array
     curved: Array
     exact: tuple[Array, Array] | None
     steps: Array
@@ -89,6 +90,8 @@ class Step(NamedTuple):
     ----------
     before, after : ModalMotion
         At its ends.
+    moved : (joints,) array
+        Deflections of the joints over it.
     rates : pair of (joints,) arrays
         Of the joints at its ends.
     g : three (joints,) arrays
@@ -103,6 +106,7 @@ class Step(NamedTuple):
 
     before: ModalMotion
     after: ModalMotion
+    moved: Array
     rates: tuple[Array, Array]
     g: tuple[Array, Array, Array]
     end: StepEnd
@@ -142,6 +146,7 @@ class Estimator(eqx.Module):
             none,
             modal.stiffness,
             none,
+            none,
             None if self.by.average is None else pair,
             jnp.zeros((), jnp.int32),
             jnp.zeros(4, none.dtype),
@@ -156,6 +161,7 @@ class Estimator(eqx.Module):
             exact=self._exact(error, step),
             offset=self._turned(error, step),
             tangent=step.reaction.stiffness,
+            moved=step.moved,
             steps=error.steps + 1,
         )
         if self.size == 1:
@@ -189,6 +195,7 @@ class Estimator(eqx.Module):
             d + by.G @ g,
             error.offset,
             error.tangent,
+            error.moved,
             jnp.zeros_like(error.curved),
             error.exact,
             jnp.zeros_like(error.steps),
@@ -204,14 +211,18 @@ class Estimator(eqx.Module):
 
     def _turned(self, error: ErrorState, step: Step) -> Array:
         """Offsets of the joints' branches after a step."""
-        full, (v_0, v_1) = step.end.stiffness, step.rates
-        turns = (v_0 * v_1 < 0.0) & self.remember & (full > 0.0)
-        # Of a parabola with these slopes: what lies beyond the farther of its ends.
+        stiffness, (v_0, v_1) = step.end.stiffness, step.rates
+        slides = self.remember & (stiffness > 0.0)
+        share = jnp.clip(error.tangent / jnp.where(slides, stiffness, 1.0), 0.0, 1.0)
+        # The joint follows another branch where a step leads back from where the last one led. With
+        # a mode faster than the step that is not where its rate changes sign.
+        back = slides & (error.moved * step.moved < 0.0)
+        offset = jnp.where(back, share * (error.d + error.offset) - error.d, error.offset)
+        # Of a parabola with the rates as slopes: what lies beyond the farther of the step's ends.
+        turns = slides & (v_0 * v_1 < 0.0)
         least = jnp.minimum(v_0**2, v_1**2) / jnp.where(turns, jnp.abs(v_1 - v_0), 1.0)
         beyond = 0.5 * self.by.dt * jnp.sign(v_0) * least
-        share = jnp.clip(error.tangent / jnp.where(full > 0.0, full, 1.0), 0.0, 1.0)
-        new = share * (error.d + error.offset) - error.d - (1.0 - share) * beyond
-        return jnp.where(turns, new, error.offset)
+        return offset - jnp.where(turns, (1.0 - share) * beyond, 0.0)
 
 
 def relative_error(sums: Array) -> Array:

@@ -155,7 +155,8 @@ def _integrate(
         error = at.error
         if estimator is not None and error is not None:
             forces = (at.g_before, at.g, g)
-            taken = Step(at.motion, motion, (at.rate, rate), forces, end, reaction, counts)
+            ends = (at.motion, motion, d - at.d, (at.rate, rate))
+            taken = Step(*ends, forces, end, reaction, counts)
             error = estimator.step(error, taken)
         after = _Point(motion, f, d, rate, g, at.g, reaction.state, at.sums, error)
         spent = jnp.stack([*exchange(at, after), jnp.sum(reaction.loss)])
