@@ -280,6 +280,23 @@ def test_tangents_are_those_of_differences(name):
 # --- elements of their own -----------------------------------------------------------------
 
 
+@pytest.mark.parametrize("differentiate", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("theta", [None, 0.6])
+def test_a_bank_is_linear_in_its_stiffnesses(theta, differentiate):
+    """All that it sums is homogeneous in them: the derivatives' product with them is the value."""
+    phi, k = jnp.linspace(0.1, 2.0, 7), jnp.linspace(1.0, 3.0, 7)
+    theta = None if theta is None else jnp.array([theta])
+
+    def reaction(k):
+        bank = SliderBank(phi, k, theta)
+        before = bank.step(jnp.array(1.3), None, None, bank.init()).state
+        after = jax.vmap(lambda d: bank.step(d, None, None, before))(jnp.array([1.7, 0.4, -2.5]))
+        return jnp.stack([after.force, after.stiffness, after.loss])
+
+    np.testing.assert_allclose(differentiate(reaction)(k) @ k, reaction(k), rtol=1e-13)
+    assert np.all(np.asarray(reaction(k))[2, ::2] > 0.0)
+
+
 @pytest.mark.parametrize("name", ["iwan4", "iwan5"])
 def test_a_rest_changes_nothing(name):
     """A slider that slipped before it goes on at its kinetic friction after it."""
