@@ -46,10 +46,6 @@ from iwanjax.structures import (
 )
 
 if TYPE_CHECKING:
-    from iwanjax.config import (
-        Study,
-        load_study,
-    )
     from iwanjax.discrepancy import (
         Diagnosis,
         ModeComparison,
@@ -119,6 +115,14 @@ if TYPE_CHECKING:
     from iwanjax.structures.full_model import check_reduction
     from iwanjax.structures.reduced_model import ReducedModel
     from iwanjax.structures.reduction import craig_bampton
+    from iwanjax.studies import (
+        Measurement,
+        Study,
+        StudyResults,
+        as_recording,
+        load_study,
+    )
+    from iwanjax.studies.fits import StudyFit
     from iwanjax.updating import (
         Exponents,
         FitSolution,
@@ -144,8 +148,12 @@ __version__ = "0.1.0"
 # Reached on first use: they import matplotlib, pydantic, optimistix, emcee or sparse matrices,
 # which most scripts do not need.
 _LATER = {
-    "Study": "iwanjax.config",
-    "load_study": "iwanjax.config",
+    "Measurement": "iwanjax.studies",
+    "Study": "iwanjax.studies",
+    "StudyFit": "iwanjax.studies.fits",
+    "StudyResults": "iwanjax.studies",
+    "as_recording": "iwanjax.studies",
+    "load_study": "iwanjax.studies",
     "Diagnosis": "iwanjax.discrepancy",
     "ModeComparison": "iwanjax.discrepancy",
     "diagnose": "iwanjax.discrepancy",
@@ -259,6 +267,7 @@ __all__ = [
     "LogUniform",
     "Maxwell",
     "MeasuredModes",
+    "Measurement",
     "MergedCurves",
     "ModalCurves",
     "ModalDecays",
@@ -279,9 +288,12 @@ __all__ = [
     "RingDown",
     "SimulatedResponse",
     "Study",
+    "StudyFit",
+    "StudyResults",
     "Tabulated",
     "Term",
     "Uniform",
+    "as_recording",
     "band_pass",
     "brake_reuss_beam",
     "brake_reuss_joints",

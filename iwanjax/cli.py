@@ -171,7 +171,7 @@ def _run(verb: str, study: Path, out: Path, **options: Any) -> None:
     """Load the study, do the verb, say what came of it."""
     with _one_line_errors():
         _set_up()
-        from iwanjax.config import load_study
+        from iwanjax.studies import load_study
         from iwanjax.verbs.output import writable
 
         loaded = load_study(study)

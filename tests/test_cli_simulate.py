@@ -404,7 +404,7 @@ def test_steps_without_balance_are_told(study, tmp_path, monkeypatch):
         nothing = np.where(TIME[:, None] > 3.0, np.nan, np.asarray(found.displacement))
         return ij.SimulatedResponse(**{**vars(found), "displacement": nothing, "balanced": False})
 
-    monkeypatch.setattr("iwanjax.verbs.simulate.simulate", lost)
+    monkeypatch.setattr("iwanjax.studies.simulations.simulate", lost)
     result, told, _ = simulated(study(STUDY), tmp_path / "out")
     assert "hit: the joints found no balance" in result.stdout
     (case,) = told["cases"]

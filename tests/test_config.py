@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 from numpy.testing import assert_allclose
 
-from iwanjax.config import load_study
+from iwanjax.config import read_study
 from iwanjax.errors import InputError
 from iwanjax.joints import Iwan4, Iwan5, LinearSpring
 from iwanjax.quasistatic import qsma
@@ -74,7 +74,7 @@ def curves(study):
 
 
 def test_a_builder_gives_the_library_s_own_structure(study_file):
-    study = load_study(study_file(BUILDER))
+    study = read_study(study_file(BUILDER))
     expected = qsma(three_mass(), [0, 2], LEVELS, 1e-4).curves
     found = curves(study)
     assert study.name == "chain"
@@ -90,7 +90,7 @@ def test_every_model_format_gives_the_same_curves(study_file, tmp_path):
             file[name] = value.tolist() if value.dtype.kind == "U" else value
     expected = qsma(three_mass(), [0, 2], LEVELS, 1e-4).curves
     for name in ("model.npz", "model.mat", "model.h5"):
-        study = load_study(study_file(FILE.replace("model.npz", name)))
+        study = read_study(study_file(FILE.replace("model.npz", name)))
         assert study.structure.labels == ("bolt",)
         assert list(study.model.sensors) == ["a1", "a2"]
         assert_allclose(curves(study).frequency, expected.frequency, rtol=1e-12)
@@ -98,23 +98,23 @@ def test_every_model_format_gives_the_same_curves(study_file, tmp_path):
 
 
 def test_numbers_that_yaml_takes_for_text(study_file):
-    study = load_study(study_file(BUILDER.replace("F_S: 10", "F_S: 1e5")))
+    study = read_study(study_file(BUILDER.replace("F_S: 10", "F_S: 1e5")))
     assert float(joint_of(study).F_S) == 1e5
 
 
 def test_names_that_yaml_takes_for_something_else(study_file):
-    assert load_study(study_file(BUILDER.replace("chain", "2024-01-01"))).name == "2024-01-01"
-    assert load_study(study_file(BUILDER.replace("chain", "no"))).name == "no"
+    assert read_study(study_file(BUILDER.replace("chain", "2024-01-01"))).name == "2024-01-01"
+    assert read_study(study_file(BUILDER.replace("chain", "no"))).name == "no"
 
 
 def test_the_slider_distribution_is_another_way_to_give_a_joint(study_file):
     joint = Iwan4(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0)
     given = f"R: {joint.R}, S: {joint.S}, chi: -0.5, phi_max: {joint.phi_max}"
     text = BUILDER.replace(IWAN4, f"parameters: {{{given}}}")
-    found = joint_of(load_study(study_file(text)))
+    found = joint_of(read_study(study_file(text)))
     assert_allclose([found.F_S, found.K_T, found.beta], [10.0, 1.0, 5.0], rtol=1e-12)
     text = text.replace("type: iwan4", "type: iwan5").replace("{R:", "{theta: 0.8, R:")
-    found = joint_of(load_study(study_file(text)))
+    found = joint_of(read_study(study_file(text)))
     assert isinstance(found, Iwan5)
     assert_allclose(found.theta, 0.8)
 
@@ -123,14 +123,14 @@ def test_a_builder_s_joint_can_change_its_kind_and_name(study_file):
     text = BUILDER.replace("name: J1", "name: bolt\n      row: J1").replace(
         f"iwan4\n      {IWAN4}", "jenkins\n      parameters: {F_S: 2, K_T: 3}"
     )
-    study = load_study(study_file(text))
+    study = read_study(study_file(text))
     assert study.structure.labels == ("bolt",)
     # The modes start from the new joint's stiffness.
     assert_allclose(study.structure.basis.stiffness, [3.0])
 
 
 def test_a_builder_keeps_its_own_joint(study_file):
-    study = load_study(study_file("name: a\nmodel: {builder: three_mass}"))
+    study = read_study(study_file("name: a\nmodel: {builder: three_mass}"))
     assert_allclose(joint_of(study).F_S, 10.0)
     assert study.qsma is None
     assert study.recordings == ()
@@ -138,21 +138,21 @@ def test_a_builder_keeps_its_own_joint(study_file):
 
 def test_two_joints_may_share_a_row(study_file):
     second = "\n    - {name: J2, row: J1, type: linear_spring, parameters: {k: 2}}\nqsma:"
-    study = load_study(study_file(BUILDER.replace("\nqsma:", second)))
+    study = read_study(study_file(BUILDER.replace("\nqsma:", second)))
     assert study.structure.labels == ("J1", "J2")
     assert_allclose(study.structure.basis.stiffness, [1.0, 2.0])
 
 
 def test_the_shape_of_loading(study_file):
     for text, shape in ((BUILDER, "linear"), (BUILDER + "  shape: updated\n", "updated")):
-        settings = load_study(study_file(text)).qsma
+        settings = read_study(study_file(text)).qsma
         assert settings is not None
         assert settings.shape == shape
 
 
 def test_the_oscillator_takes_its_joint_from_the_list(study_file):
     text = BUILDER[: BUILDER.index("qsma:")].replace("three_mass", "oscillator")
-    study = load_study(study_file(text.replace("mass: 10, stiffness: 9", "stiffness: 4")))
+    study = read_study(study_file(text.replace("mass: 10, stiffness: 9", "stiffness: 4")))
     assert_allclose(study.structure.modes().omega, [np.sqrt(5.0)])
 
 
@@ -166,7 +166,7 @@ def test_the_oscillator_takes_its_joint_from_the_list(study_file):
     ],
 )
 def test_load_levels(study_file, alpha, expected):
-    settings = load_study(
+    settings = read_study(
         study_file(BUILDER.replace("{from: 1e-3, to: 1e2, count: 9}", alpha))
     ).qsma
     assert settings is not None
@@ -175,20 +175,20 @@ def test_load_levels(study_file, alpha, expected):
 
 @pytest.mark.parametrize(("zeta0", "expected"), [("1e-4", [1e-4] * 2), ("[0, 1e-3]", [0, 1e-3])])
 def test_background_damping(study_file, zeta0, expected):
-    settings = load_study(study_file(BUILDER.replace("zeta0: 1e-4", f"zeta0: {zeta0}"))).qsma
+    settings = read_study(study_file(BUILDER.replace("zeta0: 1e-4", f"zeta0: {zeta0}"))).qsma
     assert settings is not None
     assert settings.damping is not None
     assert_allclose(settings.damping, expected)
 
 
 def test_no_background_damping_means_the_structure_s(study_file):
-    settings = load_study(study_file(BUILDER.replace("  zeta0: 1e-4\n", ""))).qsma
+    settings = read_study(study_file(BUILDER.replace("  zeta0: 1e-4\n", ""))).qsma
     assert settings is not None
     assert settings.damping is None
 
 
 def test_the_shipped_config():
-    study = load_study(ROOT / "configs" / "three_mass.yaml")
+    study = read_study(ROOT / "configs" / "three_mass.yaml")
     settings = study.qsma
     assert settings is not None
     solution = qsma(study.structure, list(settings.modes), settings.levels, settings.damping)
@@ -201,7 +201,7 @@ def test_the_shipped_config():
 
 
 def test_the_shipped_impact():
-    study = load_study(ROOT / "configs" / "three_mass.yaml")
+    study = read_study(ROOT / "configs" / "three_mass.yaml")
     case: Any
     (case,) = study.simulate
     assert (case.settings.method, case.settings.steps) == ("newmark", 100_000)
@@ -216,7 +216,7 @@ def test_the_shipped_sines_are_at_the_resonance_of_their_element():
     """Thesis (4.38) and (4.41) at y0 = 1e-4."""
     cases: dict[str, Any] = {
         case.name: case
-        for case in load_study(ROOT / "configs" / "oscillator_five_parameter.yaml").simulate
+        for case in read_study(ROOT / "configs" / "oscillator_five_parameter.yaml").simulate
     }
     for theta, label in ((1.0, "1"), (0.5, "05")):
         up, down = cases[f"ring_up_theta_{label}"], cases[f"ring_down_theta_{label}"]
@@ -236,7 +236,7 @@ def test_the_shipped_sines_are_at_the_resonance_of_their_element():
 
 
 def test_the_shipped_drives():
-    cases: Any = load_study(ROOT / "configs" / "ring_up_ring_down.yaml").simulate
+    cases: Any = read_study(ROOT / "configs" / "ring_up_ring_down.yaml").simulate
     assert [case.joint for case in cases] == ["J1"] * 4
     assert [float(case.structure.joints["J1"].theta) for case in cases] == [1.0, 1.0, 0.3, 0.3]
     # All printed digits.
@@ -257,7 +257,7 @@ def test_the_shipped_drives():
 )
 def test_a_builder_s_damping_is_of_the_modes_with_the_study_s_joints(study_file, joints, stiffness):
     text = f"{{builder: three_mass, options: {{zeta: 1e-2}}, joints: {joints}}}"
-    study = load_study(study_file(f"name: a\nmodel: {text}\n"))
+    study = read_study(study_file(f"name: a\nmodel: {text}\n"))
     expected = three_mass(joint=LinearSpring(k=stiffness), zeta=1e-2).structure.C
     assert_allclose(study.structure.structure.C, expected, rtol=1e-10, atol=1e-14)
     assert_allclose(study.model.structure.C, expected, rtol=1e-10, atol=1e-14)
@@ -267,10 +267,10 @@ def test_a_case_or_a_list_of_cases(study_file):
     case = "{name: a, dt: 0.1, samples: 5, drive: {amplitude: 1}}"
     for text in (case, f"[{case}]"):
         found: Any
-        (found,) = load_study(study_file(BUILDER + f"simulate: {text}\n")).simulate
+        (found,) = read_study(study_file(BUILDER + f"simulate: {text}\n")).simulate
         assert (found.name, found.joint, found.settings.steps) == ("a", "J1", 4)
         assert found.settings.drive.frequency == 1.0
-    assert load_study(study_file(BUILDER)).simulate == ()
+    assert read_study(study_file(BUILDER)).simulate == ()
 
 
 def test_a_joint_must_be_named_among_several(study_file):
@@ -285,7 +285,7 @@ def test_the_shared_examples(name):
     path = ROOT.parent / "shared" / "examples" / name / "study.yaml"
     if not path.is_file():
         pytest.skip(f"no shared example {name}")
-    study = load_study(path)
+    study = read_study(path)
     assert len(study.recordings) == 5
     low = study.structure.modes().omega
     solution = qsma(study.structure, 0, float(low[0]) ** 2 * np.geomspace(1e-6, 1e-4, 5))
@@ -443,7 +443,7 @@ def replaced(text, old, new):
 
 def check_refused(path, line, words):
     with pytest.raises(InputError) as caught:
-        load_study(path)
+        read_study(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: " if line is None else f"{path}:{line}: ")
     assert "\n" not in message

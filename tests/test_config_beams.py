@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from iwanjax.cli import app
-from iwanjax.config import load_study
+from iwanjax.config import read_study
 from iwanjax.errors import InputError
 
 pytest.importorskip("skfem", reason="scikit-fem (extra fem) is not installed")
@@ -50,7 +50,7 @@ def study_file(tmp_path):
 
 @pytest.fixture(scope="module")
 def shipped():
-    return {name: load_study(CONFIGS / f"{name}_beam.yaml") for name in ("brake_reuss", "sumali")}
+    return {name: read_study(CONFIGS / f"{name}_beam.yaml") for name in ("brake_reuss", "sumali")}
 
 
 def ratios(structure):
@@ -62,7 +62,7 @@ def ratios(structure):
 
 
 def test_options_reach_the_beam(study_file):
-    study = load_study(study_file(COARSE))
+    study = read_study(study_file(COARSE))
     beam = brake_reuss_beam(size=40.0, modes=3)
     assert study.structure.labels == ("left",)
     assert_allclose(study.structure.rows, [beam.rows["J1.x"]])
@@ -76,7 +76,7 @@ def test_options_reach_the_beam(study_file):
 
 
 def test_without_a_list_it_has_the_thesis_s_springs_and_joints(study_file):
-    study = load_study(study_file(BARE))
+    study = read_study(study_file(BARE))
     joints = brake_reuss_joints()
     assert study.structure.labels == tuple(joints)
     assert_allclose(study.structure.basis.stiffness, [joint.K_T for joint in joints.values()])
@@ -90,7 +90,7 @@ def test_forces_act_on_inputs_rows_and_coordinates(study_file):
     case += "amplitude: 1, frequency: 9}}, sensors: [a3, J1A.z]}}"
     places = ("s", "J2.y", "J1B.rz", "u63")
     cases = ", ".join(case.format(i=i, at=at) for i, at in enumerate(places))
-    study = load_study(study_file(f"{BARE}simulate: [{cases}]\n"))
+    study = read_study(study_file(f"{BARE}simulate: [{cases}]\n"))
     model, n = study.model, 63
     # Twelve motions a joint, and B's rz is the last of the first twelve; u63 is a fixed mode.
     expected = [model.inputs["s"], model.rows["J2.y"], np.eye(n)[11], np.eye(n)[62]]
@@ -101,7 +101,7 @@ def test_forces_act_on_inputs_rows_and_coordinates(study_file):
 
 def test_damping_by_mode_goes_on_with_the_last(study_file):
     text = COARSE.replace("zeta: 1e-3", "zeta: [1e-3, 5e-3, 2e-3]")
-    zeta, coupled = ratios(load_study(study_file(text)).structure)
+    zeta, coupled = ratios(read_study(study_file(text)).structure)
     assert_allclose(zeta[:4], [1e-3, 5e-3, 2e-3, 2e-3], rtol=1e-6)
     assert_allclose(zeta[3:], 2e-3, rtol=1e-6)
     assert coupled < 1e-9
@@ -141,7 +141,7 @@ def test_a_fault_has_one_line(study_file, old, new, line, words):
     assert COARSE.count(old) == 1
     path = study_file(COARSE.replace(old, new))
     with pytest.raises(InputError) as caught:
-        load_study(path)
+        read_study(path)
     message = str(caught.value)
     assert message.startswith(f"{path}:{line}: ")
     assert "\n" not in message

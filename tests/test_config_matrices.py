@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from iwanjax.cli import app
-from iwanjax.config import load_study
+from iwanjax.config import read_study
 from iwanjax.errors import InputError
 
 STUDY = """\
@@ -48,7 +48,7 @@ def study_file(tmp_path):
 
 
 def test_matrices_become_a_structure(study_file):
-    study = load_study(study_file(STUDY))
+    study = read_study(study_file(STUDY))
     assert_allclose(study.model.structure.M, chain.M)
     assert_allclose(study.model.structure.K, chain.K)
     assert not np.any(study.model.structure.C)
@@ -63,7 +63,7 @@ def test_matrices_become_a_structure(study_file):
 
 
 def test_degrees_of_freedom_are_names(study_file):
-    (case,) = load_study(study_file(STUDY)).simulate
+    (case,) = read_study(study_file(STUDY)).simulate
     assert_allclose(case.inputs, [[0, 1, 0]])
     assert {name: list(row) for name, row in case.sensors.items()} == {
         "mean": [0.5, 0.5, 0],
@@ -75,7 +75,7 @@ def test_degrees_of_freedom_are_names(study_file):
 def test_one_file_may_do(study_file, tmp_path, files):
     nodes, dofs = zip(*chain.DOFS, strict=True)
     np.savez(tmp_path / "all.npz", K=chain.K, M=chain.M, C=chain.C, nodes=nodes, dofs=dofs)
-    study = load_study(study_file(STUDY.replace(FILES, f"    {files}\n")))
+    study = read_study(study_file(STUDY.replace(FILES, f"    {files}\n")))
     assert_allclose(study.model.structure.K, chain.K)
     assert_allclose(study.model.structure.C, chain.C if "all" in files else 0 * chain.C)
 
@@ -83,7 +83,7 @@ def test_one_file_may_do(study_file, tmp_path, files):
 def test_names_say_which_matrix_is_which(study_file, tmp_path):
     np.savez(tmp_path / "all.npz", stiff=chain.K, heavy=chain.M)
     files = "    stiffness: all.npz\n    names: {K: stiff, M: heavy}\n    nodes: job.dof\n"
-    study = load_study(study_file(STUDY.replace(FILES, files)))
+    study = read_study(study_file(STUDY.replace(FILES, files)))
     assert_allclose(study.model.structure.M, chain.M)
 
 
@@ -91,7 +91,7 @@ def test_names_say_which_matrix_is_which(study_file, tmp_path):
 def test_matrices_without_joints_are_a_linear_structure(study_file, tmp_path, joints):
     section = STUDY[STUDY.index("  joints") : STUDY.index("simulate")]
     path = study_file(STUDY.replace(section, joints))
-    study = load_study(path)
+    study = read_study(path)
     assert study.structure.labels == ()
     expected = np.sort(scipy.linalg.eigh(chain.K, chain.M, eigvals_only=True))
     assert_allclose(np.asarray(study.structure.modes().omega) ** 2, expected)
@@ -134,7 +134,7 @@ def test_a_fault_has_one_line(study_file, old, new, line, words):
     assert STUDY.count(old) == 1
     path = study_file(STUDY.replace(old, new))
     with pytest.raises(InputError) as caught:
-        load_study(path)
+        read_study(path)
     message = str(caught.value)
     assert message.startswith(f"{path}:{line}: ")
     assert "\n" not in message
@@ -151,7 +151,7 @@ def test_massless_nodes_and_large_matrices_are_refused(study_file, tmp_path):
     ):
         np.savez(tmp_path / "all.npz", K=np.eye(len(M)), M=M)
         with pytest.raises(InputError, match=f"study.yaml:3: model.matrices: .*{words}"):
-            load_study(path)
+            read_study(path)
 
 
 def inspected(path):

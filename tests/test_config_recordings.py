@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_config import check_refused, matrices, replaced
 
-from iwanjax.config import ModalMode, load_study
+from iwanjax.config import ModalMode, read_study
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.joints import Iwan4, Iwan5, Jenkins
@@ -95,7 +95,7 @@ def defaults():
 
 
 def test_modes_without_structure(study_file):
-    study = load_study(study_file(MODAL))
+    study = read_study(study_file(MODAL))
     assert study.model is None
     assert study.structure is None
     assert study.modal == (
@@ -107,7 +107,7 @@ def test_modes_without_structure(study_file):
 
 
 def test_recordings_of_modes(study_file, tmp_path):
-    study = load_study(study_file(MODAL))
+    study = read_study(study_file(MODAL))
     hits, control, curves, loop = study.recordings
     assert hits.path == tmp_path / "hits.mat"
     assert (hits.kind, hits.use, hits.name, hits.variable) == (
@@ -136,7 +136,7 @@ def test_recordings_of_modes(study_file, tmp_path):
 
 
 def test_settings(study_file):
-    study = load_study(study_file(MODAL))
+    study = read_study(study_file(MODAL))
     assert study.ringdown.model_dump() == {"precision": 0.05, "order": 4}
     assert study.fit.model_dump() == {
         "starts": 8,
@@ -147,7 +147,7 @@ def test_settings(study_file):
     }
     assert study.fit.error is None
     text = MODAL.replace("fit: {", "fit: {model_error: {frequency: 1e-4, damping: 0.02}, ")
-    assert load_study(study_file(text)).fit.error == (1e-4, 0.02)
+    assert read_study(study_file(text)).fit.error == (1e-4, 0.02)
     assert study.posterior.model_dump() == {
         "effective": 50,
         "walkers": 20,
@@ -160,7 +160,7 @@ def test_settings(study_file):
 
 
 def test_settings_that_are_not_given(study_file):
-    study = load_study(study_file(MODAL[: MODAL.index("bounds:")]))
+    study = read_study(study_file(MODAL[: MODAL.index("bounds:")]))
     assert study.ringdown.model_dump() == {"precision": 0.02, "order": 3}
     assert study.fit.model_dump() == {
         "starts": 64,
@@ -180,7 +180,7 @@ def test_settings_that_are_not_given(study_file):
 
 
 def test_what_is_said_of_parameters(study_file, defaults):
-    found = load_study(study_file(MODAL)).parameters("mode1", defaults)
+    found = read_study(study_file(MODAL)).parameters("mode1", defaults)
     assert list(found) == list(defaults)
     assert found["f_0"] is defaults["f_0"]
     F_S, chi, beta, zeta_0 = (found[name] for name in ("F_S", "chi", "beta", "zeta_0"))
@@ -192,7 +192,7 @@ def test_what_is_said_of_parameters(study_file, defaults):
     assert (float(beta.prior.median), float(beta.prior.sigma)) == (1.0, 0.5)
     assert beta.value == defaults["beta"].value
     assert (zeta_0.value, zeta_0.fixed) == (1e-3, True)
-    other = load_study(study_file(MODAL)).parameters("mode2", defaults)["chi"]
+    other = read_study(study_file(MODAL)).parameters("mode2", defaults)["chi"]
     assert (other.value, other.lower, other.upper, other.transform) == (0.2, -1.0, 1.0, "logit")
     assert isinstance(other.prior, Uniform)
     assert (float(other.prior.low), float(other.prior.high)) == (-1.0, 1.0)
@@ -202,7 +202,7 @@ def test_a_prior_goes_before_the_one_that_bounds_imply(study_file, defaults):
     text = MODAL.replace(
         "  mode1.beta:", "  mode2.chi: {type: normal, mean: 0, std: 0.1}\n  mode1.beta:"
     )
-    prior: Any = load_study(study_file(text)).parameters("mode2", defaults)["chi"].prior
+    prior: Any = read_study(study_file(text)).parameters("mode2", defaults)["chi"].prior
     assert float(prior.std) == pytest.approx(0.1)
 
 
@@ -210,12 +210,12 @@ def test_a_default_outside_the_study_s_bounds_moves_to_their_middle(study_file, 
     text = MODAL.replace("mode2.chi: [-1, 1]", "mode2.chi: [-0.3, -0.1]").replace(
         ": 0.2}", ": -0.2}"
     )
-    study = load_study(study_file(text.replace("values: {mode2.chi: -0.2}\n", "")))
+    study = read_study(study_file(text.replace("values: {mode2.chi: -0.2}\n", "")))
     assert study.parameters("mode2", defaults)["chi"].value == pytest.approx(-0.2)
 
 
 def test_a_value_that_the_data_refuse_is_told_with_its_line(study_file, defaults):
-    study = load_study(study_file(MODAL.replace("mode1.zeta_0: 1e-3", "mode1.zeta_0: 0.9")))
+    study = read_study(study_file(MODAL.replace("mode1.zeta_0: 1e-3", "mode1.zeta_0: 0.9")))
     with pytest.raises(InputError) as caught:
         study.parameters("mode1", defaults)
     assert str(caught.value).startswith(f"{study.path}:22: fixed.mode1.zeta_0: ")
@@ -223,16 +223,16 @@ def test_a_value_that_the_data_refuse_is_told_with_its_line(study_file, defaults
 
 
 def test_parameters_of_what_is_not_in_the_study(study_file, defaults):
-    study = load_study(study_file(MODAL))
+    study = read_study(study_file(MODAL))
     for mode in ("mode3", None):
         with pytest.raises(InputError, match="no mode"):
             study.parameters(mode, defaults)
     with pytest.raises(InputError, match="no mode"):
-        load_study(study_file(STRUCTURE)).parameters("mode1", defaults)
+        read_study(study_file(STRUCTURE)).parameters("mode1", defaults)
 
 
 def test_recordings_of_a_structure(study_file):
-    study = load_study(study_file(STRUCTURE))
+    study = read_study(study_file(STRUCTURE))
     hammer, curves, loop = study.recordings
     assert (hammer.kind, hammer.use, hammer.sampling_rate) == ("transient", "fit", 2048.0)
     assert (hammer.response.array, hammer.response.sensors) == ("response", ("a1", "a2"))
@@ -246,7 +246,7 @@ def test_recordings_of_a_structure(study_file):
 
 
 def test_parameters_of_a_structure(study_file):
-    study = load_study(study_file(STRUCTURE))
+    study = read_study(study_file(STRUCTURE))
     known = structural_parameters(study.structure, study.fit.groups)
     found = study.parameters(None, known)
     assert list(found) == list(known)
@@ -259,7 +259,7 @@ def test_parameters_of_a_structure(study_file):
 def test_damping_of_a_structures_modes_beside_its_joints(study_file):
     text = STRUCTURE.replace("fixed: {", "fixed: {mode2.zeta_0: 3e-4, ")
     assert text != STRUCTURE
-    study = load_study(study_file(text))
+    study = read_study(study_file(text))
     q = [1.0, 2.0, 3.0]
     curve = ModalCurves(q, [0.1] * 3, [1e-3] * 3, frequency_std=[1e-3] * 3, damping_std=[1e-4] * 3)
     known = structural_parameters(study.structure, study.fit.groups, [curve], [2])
@@ -267,18 +267,18 @@ def test_damping_of_a_structures_modes_beside_its_joints(study_file):
     assert (found.value, found.fixed) == (3e-4, True)
     # Mode 1 is none of the study's, and the nearest name is told.
     with pytest.raises(InputError, match=r"fixed.mode1.zeta_0: unknown parameter.*mode2.zeta_0"):
-        load_study(study_file(text.replace("mode2.zeta_0", "mode1.zeta_0")))
+        read_study(study_file(text.replace("mode2.zeta_0", "mode1.zeta_0")))
 
 
 def test_what_can_be_left_out_where_it_is_clear(study_file):
     text = MODAL.replace("    - {name: mode2, band: [3e2, 4e2], joint: {type: iwan5}}\n", "")
     text = re.sub(r", mode: mode\d|    mode: mode1\n", "", text[: text.index("bounds:")])
-    study = load_study(study_file(text))
+    study = read_study(study_file(text))
     assert [entry.modes for entry in study.recordings] == [("mode1",)] * 3 + [()]
     text = "name: a\nmodel: {builder: three_mass}\nmodes: [1]\nrecordings:\n"
     text += "  - {file: curves.csv, kind: curves}\n  - {file: loop.json, kind: loop}\n"
     text += "  - {file: rec1.npz, response: {sensors: any, channels: acc_1}}\n"
-    study = load_study(study_file(text))
+    study = read_study(study_file(text))
     assert study.recordings[0].modes == (1,)
     assert study.recordings[1].joint == "J1"
     assert study.recordings[2].response.sensors == ("any",)
@@ -286,7 +286,7 @@ def test_what_can_be_left_out_where_it_is_clear(study_file):
 
 def test_a_mode_s_joint_may_be_any(study_file):
     text = "name: a\nmodel: {modal: [{name: m, band: [1, 2], joint: {type: jenkins}}]}"
-    study = load_study(study_file(text + "\nvalues: {m.F_S: 3}"))
+    study = read_study(study_file(text + "\nvalues: {m.F_S: 3}"))
     assert study.modal[0].kind is Jenkins
     assert study.changes["m.F_S"].value == 3.0
 
@@ -306,7 +306,7 @@ recordings:
   - {file: curves.csv, kind: curves, use: fit, mode: mode1}
   - {file: loop.json, kind: loop, use: fit, joint: J1}
 """
-    kinds = [entry.kind for entry in load_study(study_file(text)).recordings]
+    kinds = [entry.kind for entry in read_study(study_file(text)).recordings]
     assert kinds == ["free_decay", "response_control", "response_control", "curves", "loop"]
 
 
@@ -315,7 +315,7 @@ def test_recordings_of_the_shared_examples(reference_data, name):
     path = reference_data.parent / "examples" / name / "study.yaml"
     if not path.is_file():
         pytest.skip(f"no shared example {name}")
-    study = load_study(path)
+    study = read_study(path)
     assert [entry.use for entry in study.recordings] == ["fit"] * 3 + ["hold_out"] * 2
     for entry in study.recordings:
         assert entry.kind == "transient"
@@ -324,7 +324,7 @@ def test_recordings_of_the_shared_examples(reference_data, name):
 
 
 def test_the_shipped_config():
-    study = load_study(ROOT / "configs" / "modal_ringdown.yaml")
+    study = read_study(ROOT / "configs" / "modal_ringdown.yaml")
     assert [mode.kind for mode in study.modal] == [Iwan4]
     assert [entry.path.name for entry in study.recordings] == [f"hit{i}.npz" for i in range(1, 5)]
     assert [entry.use for entry in study.recordings] == ["fit"] * 3 + ["hold_out"]
@@ -342,7 +342,7 @@ def test_the_keys_in_the_shipped_config_s_comments_work(tmp_path):
     found = []
     for content in (text, used):
         (tmp_path / "study.yaml").write_text(content, encoding="utf-8")
-        found.append(load_study(tmp_path / "study.yaml"))
+        found.append(read_study(tmp_path / "study.yaml"))
     plain, full = found
     assert (full.ringdown, full.fit, full.posterior) == (plain.ringdown, plain.fit, plain.posterior)
     assert full.modal[0].values

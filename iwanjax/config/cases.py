@@ -1,7 +1,7 @@
 """Cases of ``simulate:`` held against the model and the disk."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import equinox as eqx
@@ -50,6 +50,10 @@ class SimulationCase:
     sensors: dict[str, np.ndarray]
     joint: str | None
     file: Path | None
+
+    def on(self, structure: JointedStructure) -> "SimulationCase":
+        """The same case on a structure with other joints."""
+        return replace(self, structure=_with_values(structure, self.settings.values))
 
 
 def simulation_cases(
@@ -108,20 +112,26 @@ def _changed(
     source: Source, place: Place, values: Mapping[str, float], structure: JointedStructure
 ) -> JointedStructure:
     """The structure with other parameters of its joints."""
-    joints = structure.joints
     parameters = {
-        f"{label}.{info.name}": (label, info)
-        for label, joint in joints.items()
+        f"{label}.{info.name}": info
+        for label, joint in structure.joints.items()
         for info in joint.parameters
         if np.ndim(getattr(joint, info.name)) == 0
     }
     for name, value in values.items():
         if name not in parameters:
             raise source.error((*place, name), f"unknown parameter; {one_of(name, parameters)}")
-        label, info = parameters[name]
-        check_value(source, (*place, name), info, value)
+        check_value(source, (*place, name), parameters[name], value)
+    return _with_values(structure, values)
+
+
+def _with_values(structure: JointedStructure, values: Mapping[str, float]) -> JointedStructure:
+    """The structure with values, by joint and parameter, in place of its joints' own."""
+    joints = structure.joints
+    for full, value in values.items():
+        label, _, name = full.rpartition(".")
         joints[label] = eqx.tree_at(
-            lambda joint, name=info.name: getattr(joint, name), joints[label], as_real(value, name)
+            lambda joint, name=name: getattr(joint, name), joints[label], as_real(value, name)
         )
     return structure.with_joints(joints) if values else structure
 

@@ -1,13 +1,15 @@
-"""Entries of ``recordings:`` held against their kind, the disk and the model."""
+"""A study's recordings held against their kind, the disk and the model."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from iwanjax.config.faults import one_of
 from iwanjax.config.names import Names, known, once
 from iwanjax.config.recordings import (
+    Data,
     Kind,
+    Measurement,
     Quantity,
     RecordingEntry,
     RecordingSection,
@@ -15,7 +17,9 @@ from iwanjax.config.recordings import (
 )
 from iwanjax.config.section import ConfigSection
 from iwanjax.config.source import Place, Source
+from iwanjax.curves import ModalCurves
 from iwanjax.files import nearest
+from iwanjax.signals import ForceLoop, Recording
 
 _HISTORIES = ("transient", "free_decay")
 _EVERY = ("file", "kind", "use", "name")
@@ -38,16 +42,58 @@ _AMPLITUDE = ("sensors", "quantity", "unit")
 def recording_entries(
     source: Source, sections: Sequence[RecordingSection], names: Names
 ) -> tuple[RecordingEntry, ...]:
-    """Hold each entry against its kind, the disk and the model."""
+    """Hold each entry of a file against its kind, the disk and the model."""
     return tuple(_entry(source, i, each, names) for i, each in enumerate(sections))
 
 
-def _entry(source: Source, i: int, section: RecordingSection, names: Names) -> RecordingEntry:
+def measured_entries(
+    source: Source, given: Sequence[Data | Measurement], names: Names
+) -> tuple[RecordingEntry, ...]:
+    """Hold recordings in memory against the model."""
+    found = []
+    for i, each in enumerate(given):
+        measurement = each if isinstance(each, Measurement) else Measurement(each)
+        raw = _as_section(source, ("recordings", i), measurement, names)
+        section = source.validated(RecordingSection, raw, ("recordings", i))
+        found.append(_entry(source, i, section, names, measurement.data))
+    return tuple(found)
+
+
+def _as_section(source: Source, place: Place, given: Measurement, names: Names) -> dict[str, Any]:
+    """What a file would say of a recording in memory."""
+    data = given.data
+    said: dict[str, Any] = {"use": given.use, "name": given.name or getattr(data, "name", "")}
+    said["file"] = said["name"] = said["name"] or f"recording {place[-1]}"
+    for key in ("mode", "joint", "start", "end"):
+        if getattr(given, key) is not None:
+            said[key] = getattr(given, key)
+    if "mode" in said:
+        said["mode"] = str(said["mode"])
+    if isinstance(data, Recording):
+        said["kind"] = "free_decay" if data.force is None else "transient"
+        if names.sensors is not None:
+            said["response"] = {"sensors": [channel.name for channel in data.channels]}
+        if data.force is not None:
+            said["force"] = {"inputs": [channel.name for channel in data.inputs]}
+    elif isinstance(data, ModalCurves | ForceLoop):
+        said["kind"] = "curves" if isinstance(data, ModalCurves) else "loop"
+    else:
+        raise source.error(
+            place,
+            f"got a {type(data).__name__}; expected a Recording (as_recording makes one of arrays "
+            "and tables), ModalCurves, a ForceLoop, or a Measurement of one of these",
+        )
+    return said
+
+
+def _entry(
+    source: Source, i: int, section: RecordingSection, names: Names, data: Data | None = None
+) -> RecordingEntry:
     place: Place = ("recordings", i)
     _refuse_foreign(source, place, section)
-    path = existing(source, (*place, "file"), section.file)
+    path = existing(source, (*place, "file"), section.file) if data is None else None
     if section.kind in _HISTORIES:
-        _check_history(source, place, section)
+        _check_history(source, place, section, data)
     response = _response(source, (*place, "response"), section, names)
     for j, label in enumerate(section.force.inputs if section.force else ()):
         known(source, (*place, "force", "inputs", j), label, names.inputs, "input")
@@ -57,7 +103,7 @@ def _entry(source: Source, i: int, section: RecordingSection, names: Names) -> R
         path=path,
         kind=section.kind,
         use=section.use,
-        name=section.name or path.name,
+        name=section.name or Path(section.file).name,
         place=source.told(place),
         modes=_modes(source, place, section, names),
         response=response,
@@ -69,6 +115,7 @@ def _entry(source: Source, i: int, section: RecordingSection, names: Names) -> R
         joint=_joint(source, place, section, names),
         start=section.start,
         end=section.end,
+        data=data,
     )
 
 
@@ -104,7 +151,7 @@ def _given(section: ConfigSection) -> list[str]:
 
 def existing(source: Source, place: Place, file: str) -> Path:
     """The path of a file that is there, relative to the study's folder."""
-    path = source.path.parent / file
+    path = source.folder / file
     if path.is_file():
         return path
     if path.is_dir():
@@ -118,7 +165,9 @@ def existing(source: Source, place: Place, file: str) -> Path:
     )
 
 
-def _check_history(source: Source, place: Place, section: RecordingSection) -> None:
+def _check_history(
+    source: Source, place: Place, section: RecordingSection, data: Data | None
+) -> None:
     """Hold the keys of a time history against each other."""
     if section.index is not None:
         once(source, (*place, "index"), section.index)
@@ -126,6 +175,8 @@ def _check_history(source: Source, place: Place, section: RecordingSection) -> N
         raise source.error(
             (*place, "end"), f"got {section.end:g}; expected more than start = {section.start:g}"
         )
+    if data is not None:  # which says what its channels measure
+        return
     response = section.response
     # Names of channels may tell the quantity; those of arrays and sensors are not counted upon.
     unnamed = response.channel is None and not response.channels

@@ -89,7 +89,7 @@ def model_of_matrices(source: Source, section: MatricesSection) -> Model:
     """
     from iwanjax.structures.exchange import read_matrices, to_model
 
-    files = {key: source.path.parent / name for key in _FILES if (name := getattr(section, key))}
+    files = {key: source.folder / name for key in _FILES if (name := getattr(section, key))}
     try:
         matrices = read_matrices(
             files["stiffness"],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from iwanjax.config.elements import check_value
 from iwanjax.config.faults import one_of
 from iwanjax.config.modal import ModalMode
-from iwanjax.config.schema import StudySection
+from iwanjax.config.schema import Sections
 from iwanjax.config.source import Place, Source
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, ParameterInfo
@@ -99,7 +99,7 @@ class _Known:
 
 
 def modal_changes(
-    source: Source, section: StudySection, modal: Sequence[ModalMode]
+    source: Source, section: Sections, modal: Sequence[ModalMode]
 ) -> dict[str, ParameterChange]:
     """What the study says of the parameters of its modes, starting values among it."""
     places = [("model", "modal", i, "joint", "parameters") for i in range(len(modal))]
@@ -120,7 +120,7 @@ def modal_changes(
 
 
 def structural_changes(
-    source: Source, section: StudySection, structure: JointedStructure
+    source: Source, section: Sections, structure: JointedStructure
 ) -> dict[str, ParameterChange]:
     """What the study says of the parameters of its structure's joints or their groups.
 
@@ -186,7 +186,7 @@ def _owners(
     return found | {label: joint for label, joint in joints.items() if label not in owner}
 
 
-def _check_keys(source: Source, section: StudySection, known: Mapping[str, _Known]) -> None:
+def _check_keys(source: Source, section: Sections, known: Mapping[str, _Known]) -> None:
     """Refuse unknown names, contradictions, and bounds that no value may reach."""
     for key in _SECTIONS:
         for name in getattr(section, key):
@@ -206,7 +206,7 @@ def _check_keys(source: Source, section: StudySection, known: Mapping[str, _Know
 
 
 def _changes(
-    source: Source, section: StudySection, known: Mapping[str, _Known], stretched: bool
+    source: Source, section: Sections, known: Mapping[str, _Known], stretched: bool
 ) -> dict[str, ParameterChange]:
     changes = {}
     for name, each in known.items():

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 
 def _prior(raw: Any) -> "AbstractPrior":
     # Here, because what else comes with it takes a second to import.
-    from iwanjax.updating import PRIORS
+    from iwanjax.updating import PRIORS, AbstractPrior
 
+    if isinstance(raw, AbstractPrior):
+        return raw
     kinds = ", ".join(PRIORS)
     if not isinstance(raw, Mapping):
         got = "nothing" if raw is None else repr(raw)

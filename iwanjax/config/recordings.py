@@ -1,4 +1,4 @@
-"""The ``recordings:`` section: which files hold what, and what it is used for."""
+"""The ``recordings:`` section, or recordings in memory: what they hold, what they are used for."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,12 +7,16 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from iwanjax.config.section import ConfigSection, Index, OneOrMore, Positive
+from iwanjax.curves import ModalCurves
+from iwanjax.signals import ForceLoop, Recording
 
 Kind: TypeAlias = Literal[
     "transient", "free_decay", "curves", "response_control", "force_control", "loop"
 ]
 Use: TypeAlias = Literal["fit", "hold_out"]
 Quantity: TypeAlias = Literal["acceleration", "velocity", "displacement"]
+Data: TypeAlias = Recording | ModalCurves | ForceLoop
+"""What a recording may be in memory."""
 
 _Names = Annotated[tuple[str, ...], OneOrMore]
 
@@ -79,14 +83,54 @@ class RecordingSection(ConfigSection):
     end: Positive | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """A recording in memory, and what a study shall do with it.
+
+    Parameters
+    ----------
+    data : Recording, ModalCurves or ForceLoop
+        Time histories with their forces; free decays where there is no force; frequency and
+        damping of a mode against amplitude; or force against deflection of a joint on its own.
+    use : {"fit", "hold_out"}
+        Whether a fit may see it.
+    mode : str or int, optional
+        The mode that it is of: a name, or the index of an elastic mode. Time histories tell of
+        all modes unless given; curves need it where there are several.
+    joint : str, optional
+        Whose loop it is, where there are several joints.
+    name : str
+        Label; the data's own unless given.
+    start, end : float, optional
+        Part of a time history that is analysed as a free decay, s from its first sample.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.arange(2048) / 1024
+    >>> decay = ij.as_recording(np.exp(-t) * np.cos(600 * t), sampling_rate=1024, sensors="tip")
+    >>> ij.Measurement(decay, use="hold_out").use
+    'hold_out'
+    """
+
+    data: Data
+    use: Use = "fit"
+    mode: str | int | None = None
+    joint: str | None = None
+    name: str = ""
+    start: float | None = None
+    end: float | None = None
+
+
 @dataclass(frozen=True)
 class RecordingEntry:
-    """An entry of ``recordings:``, checked; the file is there but has not been opened.
+    """A recording of a study, checked; its file is there but has not been opened.
 
     Attributes
     ----------
-    path : Path
-        The file.
+    path : Path or None
+        The file; None for a recording in memory.
     kind : {"transient", "free_decay", "curves", "response_control", "force_control", "loop"}
         What it holds.
     use : {"fit", "hold_out"}
@@ -115,9 +159,11 @@ class RecordingEntry:
         Whose loop it is.
     start, end : float or None
         Part of the record that is analysed as a free decay, s from its first sample.
+    data : Recording, ModalCurves, ForceLoop or None
+        A recording in memory; None for that of a file.
     """
 
-    path: Path
+    path: Path | None
     kind: Kind
     use: Use
     name: str
@@ -132,3 +178,4 @@ class RecordingEntry:
     joint: str | None = None
     start: float | None = None
     end: float | None = None
+    data: Data | None = None

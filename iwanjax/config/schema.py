@@ -68,12 +68,10 @@ class ModelSection(ConfigSection):
         return self
 
 
-class StudySection(ConfigSection):
-    """The whole file."""
+class Sections(ConfigSection):
+    """What a study may say besides its model and its recordings."""
 
     name: str
-    model: ModelSection
-    recordings: tuple[RecordingSection, ...] = ()
     qsma: QsmaSettings | None = None
     simulate: SimulateSections = ()
     modes: Annotated[tuple[Index, ...], Field(min_length=1)] | None = None
@@ -89,3 +87,10 @@ class StudySection(ConfigSection):
     hypotheses: tuple[str, ...] = ()
     budget: Positive | None = None
     seed: Index = 0
+
+
+class StudySection(Sections):
+    """The whole file."""
+
+    model: ModelSection
+    recordings: tuple[RecordingSection, ...] = ()

@@ -54,7 +54,7 @@ def _band(raw: Any) -> tuple[float, float]:
 
 _NUMBERS = TypeAdapter(tuple[float, ...], config=CONFIG)
 
-OneOrMore = BeforeValidator(lambda raw: [raw] if isinstance(raw, str) else raw)
+OneOrMore = BeforeValidator(lambda raw: [raw] if isinstance(raw, str | int | float) else raw)
 """For lists that a single entry may stand for."""
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]

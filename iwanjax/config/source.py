@@ -1,11 +1,11 @@
-"""YAML as plain text that knows its lines.
+"""What describes a study, and where each key stands: YAML that knows its lines, or Python's values.
 
-The file is composed into nodes and read as text; the schema turns text into numbers. So
+A file is composed into nodes and read as text; the schema turns text into numbers. So
 YAML 1.1's own ideas of what ``1e5`` (text) or ``no`` (false) mean never enter.
 """
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, TypeAlias, TypeVar
@@ -24,11 +24,34 @@ S = TypeVar("S", bound=BaseModel)
 
 @dataclass(frozen=True)
 class Source:
-    """A file's content as text, and the nodes that know where each key stands."""
+    """What describes a study, for messages that say where a fault is.
 
-    path: Path
-    root: yaml.Node
+    Attributes
+    ----------
+    label : str
+        What messages begin with: the file, or the study's name.
+    content : object
+        Mappings, lists and values; of a file as text.
+    path : Path or None
+        The file; None for a study made in Python.
+    root : yaml.Node or None
+        The file's nodes, which know their lines.
+    """
+
+    label: str
     content: Any
+    path: Path | None = None
+    root: yaml.Node | None = None
+
+    @classmethod
+    def given(cls, label: str, content: Mapping[str, Any]) -> Self:
+        """What a program says, arrays as lists as a file would have them."""
+        return cls(label, _plain(content))
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths begin: the file's folder, else the working one."""
+        return self.path.parent if self.path else Path()
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -37,7 +60,7 @@ class Source:
             root = yaml.compose(path.read_bytes(), Loader=yaml.SafeLoader)
             if root is None:
                 raise InputError(f"{path}:1: the file is empty; expected name: and model:")
-            return cls(path, root, _content(root, path))
+            return cls(str(path), _content(root, path), path, root)
         except OSError as error:
             what = error.strerror or error
             raise InputError(f"{path}: {what}; expected a study file (YAML)") from None
@@ -60,7 +83,7 @@ class Source:
     def told(self, place: Place) -> str:
         """File, line and dotted key of a place, as messages begin."""
         _, line, key = self._find(place)
-        return f"{self.path}:{line}{': ' if key else ''}{key}"
+        return f"{self.label}{line}{': ' if key else ''}{key}"
 
     @contextlib.contextmanager
     def blamed(self, *place: str | int) -> Iterator[None]:
@@ -78,10 +101,15 @@ class Source:
             first = error.errors()[0]
             key = first.get("ctx", {}).get("key")
             place = (*place, *first["loc"], *(() if key is None else (key,)))
-            raise self.error(place, told(first, _arrived(self._find(place)[0]))) from None
+            node = self._find(place)[0]
+            arrived = repr(first["input"]) if node is None else _arrived(node)
+            raise self.error(place, told(first, arrived)) from None
 
-    def _find(self, place: Place) -> tuple[yaml.Node, int, str]:
+    def _find(self, place: Place) -> tuple[yaml.Node | None, str, str]:
         """Node, line and dotted key of a place; steps that are not in the file are left out."""
+        if self.root is None:
+            steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
+            return None, "", "".join(steps).lstrip(".")
         node, line, key = self.root, self.root.start_mark.line + 1, ""
         for step in place:
             if isinstance(node, yaml.MappingNode):
@@ -94,7 +122,16 @@ class Source:
                 node = node.value[step]
                 line = node.start_mark.line + 1
                 key += f"[{step}]"
-        return node, line, key
+        return node, f":{line}", key
+
+
+def _plain(value: Any) -> Any:
+    """Mappings with keys of text, lists, numbers and text; objects as they are."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _content(node: yaml.Node, path: Path) -> Any:

@@ -41,7 +41,7 @@ def _built(source: Source, section: ModelSection, elements: Sequence[AbstractJoi
         return Built(model_of_matrices(source, section.matrices), {})
     assert section.file is not None
     with source.blamed("model", "file"):
-        return Built(read_model(source.path.parent / section.file), {})
+        return Built(read_model(source.folder / section.file), {})
 
 
 def _joints(

@@ -1,25 +1,29 @@
-"""A study: the model that a file describes, the measurements, and what to do with them."""
+"""What a study works on, checked: its model, its recordings, and what is asked of them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from iwanjax.config.cases import SimulationCase, simulation_cases
-from iwanjax.config.entries import recording_entries
+from iwanjax.config.entries import measured_entries, recording_entries
 from iwanjax.config.faults import one_of
 from iwanjax.config.modal import ModalMode, modal_modes
 from iwanjax.config.names import Names, known, once
 from iwanjax.config.parameters import ParameterChange, modal_changes, structural_changes
 from iwanjax.config.qsma import QsmaSettings
-from iwanjax.config.recordings import RecordingEntry
-from iwanjax.config.schema import StudySection
+from iwanjax.config.recordings import Data, Measurement, RecordingEntry
+from iwanjax.config.schema import Sections, StudySection
 from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
 from iwanjax.config.source import Place, Source
 from iwanjax.config.structure import model_of
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
+from iwanjax.structures.checks import finite_array
 from iwanjax.structures.model_file import Model
+from iwanjax.types import ArrayLike
 
 if TYPE_CHECKING:
     from iwanjax.updating import Parameter
@@ -31,15 +35,17 @@ _STRUCTURAL = ("qsma", "simulate", "modes", "bands")
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
-    """A study file, read and checked.
+class StudySetup:
+    """What a study file, or a program, says; checked.
 
     Attributes
     ----------
     name : str
         What reports call it.
-    path : Path
-        The file; paths in it are relative to its folder.
+    label : str
+        What messages begin with: the file, or the study's name.
+    path : Path or None
+        The file; paths in it are relative to its folder. None for a study made in Python.
     model : Model or None
         The structure without joints, its named rows, sensors and inputs; None for a study
         of single modes.
@@ -77,7 +83,8 @@ class Study:
     """
 
     name: str
-    path: Path
+    label: str
+    path: Path | None
     model: Model | None
     structure: JointedStructure | None
     modal: tuple[ModalMode, ...]
@@ -120,7 +127,7 @@ class Study:
         """
         names = [each.name for each in self.modal]
         if mode not in (names or [None]):
-            raise InputError(f"{self.path}: no mode {mode!r}; {one_of(str(mode), names)}")
+            raise InputError(f"{self.label}: no mode {mode!r}; {one_of(str(mode), names)}")
         prefix = "" if mode is None else f"{mode}."
         changes = {name: self.changes.get(f"{prefix}{name}") for name in defaults}
         return {
@@ -128,8 +135,31 @@ class Study:
             for name, default in defaults.items()
         }
 
+    def with_structure(self, structure: JointedStructure) -> "StudySetup":
+        """The same with other joints or matrices of the same size.
 
-def load_study(path: str | Path) -> Study:
+        Raises
+        ------
+        InputError
+            For a study of single modes, another size or other joints.
+        """
+        if self.structure is None or self.model is None:
+            raise InputError(f"{self.label}: has no structure to replace; it has single modes")
+        got, expected = (
+            f"{each.structure.size} coordinates with joints {', '.join(each.labels) or '(none)'}"
+            for each in (structure, self.structure)
+        )
+        if got != expected:
+            raise InputError(f"{self.label}: got a structure of {got}; expected {expected}")
+        return replace(
+            self,
+            structure=structure,
+            model=replace(self.model, structure=structure.structure),
+            simulate=tuple(case.on(structure) for case in self.simulate),
+        )
+
+
+def read_study(path: str | Path) -> StudySetup:
     """Read a study file and the model it names; recordings are not opened.
 
     Parameters
@@ -146,7 +176,7 @@ def load_study(path: str | Path) -> Study:
 
     Returns
     -------
-    Study
+    StudySetup
 
     Raises
     ------
@@ -156,15 +186,91 @@ def load_study(path: str | Path) -> Study:
     source = Source.read(Path(path))
     section = source.validated(StudySection, source.content)
     modal = modal_modes(source, section.model.modal or ())
-    if modal:
+    model, structure = (None, None) if modal else model_of(source, section.model)
+    # Builders of a few masses name no sensors: theirs are called as recordings please.
+    named = section.model.builder is None or (model is not None and bool(model.sensors))
+    setup, names = _setup(source, section, modal, model, structure, named)
+    return replace(setup, recordings=recording_entries(source, section.recordings, names))
+
+
+def given_study(
+    structure: JointedStructure | None,
+    recordings: Sequence[Data | Measurement],
+    *,
+    rows: Mapping[str, ArrayLike],
+    sensors: Mapping[str, ArrayLike],
+    inputs: Mapping[str, ArrayLike],
+    content: Mapping[str, Any],
+) -> StudySetup:
+    """The same of what a program has in memory.
+
+    Parameters
+    ----------
+    structure : JointedStructure or None
+        With joints at their starting values; None for single modes.
+    recordings : sequence
+        What has been measured.
+    rows, sensors, inputs : mapping of str to (n,) array
+        As those of a model file; the joints' own rows need not be given.
+    content : mapping
+        The other sections of a study file, and ``model: {modal: ...}`` for single modes.
+
+    Raises
+    ------
+    InputError
+        ``study 'name': key: what arrived; expected ...``, for the first fault.
+    """
+    source = Source.given(f"study {content['name']!r}", content)
+    if structure is None:
+        section = source.validated(StudySection, source.content)
+        modal = modal_modes(source, section.model.modal or ())
+        if not modal:
+            raise source.error(("model",), "expected a JointedStructure, or modal: its modes")
+        setup, names = _setup(source, section, modal, None, None, named=False)
+    else:
+        section = source.validated(Sections, source.content)
+        joints = dict(zip(structure.labels, np.asarray(structure.rows), strict=True))
+        model = Model(
+            structure.structure,
+            joints | _rows(source, "rows", rows, structure),
+            _rows(source, "sensors", sensors, structure),
+            _rows(source, "inputs", inputs, structure),
+        )
+        setup, names = _setup(source, section, (), model, structure, named=True)
+    return replace(setup, recordings=measured_entries(source, recordings, names))
+
+
+def _rows(
+    source: Source, kind: str, given: Mapping[str, ArrayLike], structure: JointedStructure
+) -> dict[str, np.ndarray]:
+    """Named rows that fit the structure."""
+    n = structure.structure.size
+    found = {}
+    for label, row in given.items():
+        with source.blamed(kind, label):
+            found[label] = finite_array(row, "the row")
+        if found[label].shape != (n,):
+            raise source.error(
+                (kind, label), f"got shape {found[label].shape}; expected ({n},), as M has"
+            )
+    return found
+
+
+def _setup(
+    source: Source,
+    section: Sections,
+    modal: tuple[ModalMode, ...],
+    model: Model | None,
+    structure: JointedStructure | None,
+    named: bool,
+) -> tuple[StudySetup, Names]:
+    """All but the recordings, and the names that these may use."""
+    if model is None or structure is None:
         _refuse_structural(source, section)
-        model, structure, cases = None, None, ()
+        cases = ()
         names = Names(modal=tuple(mode.name for mode in modal))
         changes = modal_changes(source, section, modal)
     else:
-        model, structure = model_of(source, section.model)
-        # Builders of a few masses name no sensors: theirs are called as recordings please.
-        named = section.model.builder is None or bool(model.sensors)
         names = Names(
             elastic=structure.basis.omega2.shape[0],
             joints=structure.labels,
@@ -177,13 +283,14 @@ def load_study(path: str | Path) -> Study:
     for label in section.noise:
         known(source, ("noise", label), label, names.sensors, "sensor")
     once(source, ("hypotheses",), section.hypotheses)
-    return Study(
+    setup = StudySetup(
         name=section.name,
+        label=source.label,
         path=source.path,
         model=model,
         structure=structure,
         modal=modal,
-        recordings=recording_entries(source, section.recordings, names),
+        recordings=(),
         modes=names.chosen,
         bands=_bands(source, section, names),
         changes=changes,
@@ -197,9 +304,10 @@ def load_study(path: str | Path) -> Study:
         budget=section.budget,
         seed=section.seed,
     )
+    return setup, names
 
 
-def _refuse_structural(source: Source, section: StudySection) -> None:
+def _refuse_structural(source: Source, section: Sections) -> None:
     """Refuse what needs a structure in a study without one."""
     given: list[Place] = [(key,) for key in _STRUCTURAL if key in section.model_fields_set]
     if "groups" in section.fit.model_fields_set:
@@ -211,7 +319,7 @@ def _refuse_structural(source: Source, section: StudySection) -> None:
         )
 
 
-def _modes(source: Source, section: StudySection, names: Names) -> tuple[int, ...] | None:
+def _modes(source: Source, section: Sections, names: Names) -> tuple[int, ...] | None:
     """The elastic modes of the study; those of qsma are looked at too."""
     for i, mode in enumerate(section.qsma.modes if section.qsma else ()):
         names.index(source, ("qsma", "modes", i), mode)
@@ -221,7 +329,7 @@ def _modes(source: Source, section: StudySection, names: Names) -> tuple[int, ..
     return section.modes
 
 
-def _bands(source: Source, section: StudySection, names: Names) -> dict[int, tuple[float, float]]:
+def _bands(source: Source, section: Sections, names: Names) -> dict[int, tuple[float, float]]:
     """The bands by index."""
     return {
         int(names.mode(source, ("bands", key), key)): band for key, band in section.bands.items()

@@ -5,6 +5,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
@@ -79,3 +80,16 @@ def _driven(element: AbstractDiscrete, d: Array, dt: Array) -> Array:
         return jax.lax.scan(advance, element.init(), (history, moved))[1]
 
     return jax.vmap(one)(d)
+
+
+def last_amplitude(d: np.ndarray) -> float:
+    """Half of what a history (N,) moves between its last two turning points, ends included."""
+    ends = np.concatenate([d[:1], d[turning_points(d)], d[-1:]])
+    return 0.5 * float(np.max(np.abs(np.diff(ends[-3:]))))
+
+
+def turning_points(d: np.ndarray) -> np.ndarray:
+    """Samples at which a history turns."""
+    moved = np.sign(np.diff(d))
+    at = np.flatnonzero(moved)
+    return at[1:][np.diff(moved[at]) != 0]

@@ -27,10 +27,12 @@ from iwanjax.plotting.quasistatic import plot_qsma
 from iwanjax.plotting.ringdown import plot_merged, plot_ringdown
 from iwanjax.plotting.shapes import plot_assurance, plot_shapes, plot_strokes
 from iwanjax.plotting.single_mode import plot_decays, plot_modes
+from iwanjax.plotting.studies import plot_driven, plot_measured, plot_study_fit
 from iwanjax.plotting.transient import plot_hysteresis, plot_transient
 from iwanjax.quasistatic import QsmaSolution
 from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
+from iwanjax.studies import MeasuredMode, StudyResults
 
 __all__ = [
     "plot",
@@ -63,6 +65,8 @@ _BY_NAME = {
     "iwanjax.updating.solution.FitSolution": plot_fit,
     "iwanjax.updating.linear_solution.LinearSolution": plot_linear,
     "iwanjax.updating.posterior.Posterior": plot_posterior,
+    "iwanjax.studies.fits.StudyFit": plot_study_fit,
+    "iwanjax.studies.simulations.DrivenJoint": plot_driven,
 }
 
 
@@ -74,7 +78,7 @@ def plot(obj: Any, **options: Any) -> Figure:
     ----------
     obj : object
         A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, SimulatedResponse, ModalDecays,
-        Diagnosis, FitSolution, LinearSolution or Posterior.
+        Diagnosis, FitSolution, LinearSolution or Posterior, or what a study returns.
     **options
         Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
         :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_transient`, :func:`plot_fit` or
@@ -89,6 +93,8 @@ def plot(obj: Any, **options: Any) -> Figure:
     InputError
         For an object that has no figure.
     """
+    if isinstance(obj, StudyResults):
+        return plot(obj.only, **options)
     for kind in type(obj).__mro__:
         draw = _BY_NAME.get(f"{kind.__module__}.{kind.__qualname__}")
         if draw is not None:
@@ -96,7 +102,7 @@ def plot(obj: Any, **options: Any) -> Figure:
     raise InputError(
         f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
         "RingDown, MergedCurves, SimulatedResponse, ModalDecays, "
-        "Diagnosis, FitSolution, LinearSolution or Posterior"
+        "Diagnosis, FitSolution, LinearSolution or Posterior, or what a study returns"
     )
 
 
@@ -108,3 +114,4 @@ plot.register(MergedCurves, plot_merged)
 plot.register(SimulatedResponse, plot_transient)
 plot.register(ModalDecays, plot_decays)
 plot.register(Diagnosis, plot_diagnosis)
+plot.register(MeasuredMode, plot_measured)

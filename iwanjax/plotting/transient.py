@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from iwanjax.dynamics import Energies, SimulatedResponse
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
+from iwanjax.joints.hysteresis import last_amplitude, turning_points
 from iwanjax.plotting.style import (
     DOUBLE_COLUMN,
     PALETTE,
@@ -183,19 +184,6 @@ def _closed_forms(
     return joint.backbone(d), joint.loop(amplitude)
 
 
-def last_amplitude(d: np.ndarray) -> float:
-    """Half of what a history (N,) moves between its last two turning points, ends included."""
-    ends = np.concatenate([d[:1], d[_turning_points(d)], d[-1:]])
-    return 0.5 * float(np.max(np.abs(np.diff(ends[-3:]))))
-
-
-def _turning_points(d: np.ndarray) -> np.ndarray:
-    """Samples at which a history turns."""
-    moved = np.sign(np.diff(d))
-    at = np.flatnonzero(moved)
-    return at[1:][np.diff(moved[at]) != 0]
-
-
 def _responses(
     transient: SimulatedResponse,
     quantity: str | None,
@@ -267,7 +255,7 @@ def _draw_path(ax: Axes, d: np.ndarray, force: np.ndarray, label: str = "path") 
     # At random, as any regular choice makes patterns with the period.
     at = np.random.default_rng(0).integers(d.size, size=_POINTS)
     ax.plot(d[at], force[at], ".", color=_LIGHT, markersize=0.8, rasterized=True)
-    turns = np.concatenate([[0], _turning_points(d), [d.size - 1]])
+    turns = np.concatenate([[0], turning_points(d), [d.size - 1]])
     largest = int(np.searchsorted(turns, np.argmax(np.nan_to_num(np.abs(d)))))
     stretches = (("largest", largest + _TURNS // 2), ("last", turns.size - 1))
     for color, (told, end) in zip(PALETTE, stretches, strict=False):

@@ -4,13 +4,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.plotting.curves import plot_curves
 from iwanjax.plotting.fit import plot_fit
@@ -36,6 +35,7 @@ from iwanjax.report.words import (
 from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
 from iwanjax.structures import JointedStructure
+from iwanjax.studies.fits import HeldOut
 from iwanjax.updating.posterior import Posterior
 from iwanjax.updating.problem import modal_unit
 from iwanjax.updating.solution import FitSolution
@@ -54,31 +54,6 @@ _DERIVED = {
     "R": ("", "coefficient of the slider distribution"),
     "S": ("force/length", "strength of the slider distribution's Dirac share"),
 }
-
-
-class HeldOut(NamedTuple):
-    """How well a fit predicts a hit that it has not seen.
-
-    Attributes
-    ----------
-    name : str
-        Of the hit.
-    frequency_error : float
-        Root mean square, Hz.
-    damping_error : float
-        Root mean square relative to the measured damping, per cent.
-    frequency_repeatability, damping_repeatability : float or None
-        How far one hit is from the next, in the same units; None where not known.
-    curves : ModalCurves, optional
-        The hit, for the figure of the fit.
-    """
-
-    name: str
-    frequency_error: float
-    damping_error: float
-    frequency_repeatability: float | None = None
-    damping_repeatability: float | None = None
-    curves: ModalCurves | None = None
 
 
 class Statement(Protocol):

@@ -1,6 +1,7 @@
 """The verb ``diagnose``: what a study's model is missing, by its recordings."""
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,6 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from iwanjax.config import Study
 from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun, ModesRun
 from iwanjax.discrepancy.estimate import Estimate
 from iwanjax.discrepancy.failures import attempted
@@ -23,7 +23,7 @@ from iwanjax.plotting import (
 )
 from iwanjax.report.page import NamedParagraph, PageSection, PageTable, render
 from iwanjax.report.words import with_deviation
-from iwanjax.verbs.diagnosed import diagnosed
+from iwanjax.studies import Study
 from iwanjax.verbs.output import file_names, results, save, version, write_json
 
 # Parts of a report's lead after the verdict.
@@ -34,7 +34,7 @@ _MODES = 12
 
 def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
     """Write diagnosis.json, pictures and report.html; lines for the screen."""
-    verdicts = diagnosed(study, budget)
+    verdicts = dict(study.diagnose(budget=budget, progress=_say))
     # Several modes have their pictures under their own names.
     ends = [f"_{label}" for label in file_names(verdicts)] if len(verdicts) > 1 else [""]
     with results(out) as folder:
@@ -52,6 +52,10 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
         page = render(study.name, _lead(verdicts), sections, f"Written by iwanjax {version()}.")
         (folder / "report.html").write_text(page, encoding="utf-8")
     return [*lead, f"wrote {out / 'report.html'}"]
+
+
+def _say(line: str) -> None:
+    print(f"  {line}", file=sys.stderr, flush=True)
 
 
 def _lead(verdicts: Mapping[str, Diagnosis]) -> list[str | NamedParagraph]:

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from iwanjax.config import Study
-from iwanjax.plotting import plot_fit
+from iwanjax.plotting import plot
 from iwanjax.report.fit import FitEntry, fit_report, measured_pictures
 from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
+from iwanjax.studies import MeasuredMode, Study, StudyResults
+from iwanjax.studies.fits import StudyFit
 from iwanjax.updating import FitSolution
-from iwanjax.verbs.fitted import Fitted, fits
-from iwanjax.verbs.measured import MeasuredMode, measured_modes
 from iwanjax.verbs.output import (
     curve_arrays,
     file_names,
@@ -36,31 +35,31 @@ def run(study: Study, out: Path) -> list[str]:
         pictures = write_fits(study, found, folder)
         page = fit_report(study.name, entries(found, pictures, measured))
         (folder / "report.html").write_text(page, encoding="utf-8")
-    lines = [line for each in found for line in screen_lines(each)]
+    lines = [line for each in found.values() for line in each.summary().splitlines()]
     return [*lines, f"wrote {out / 'report.html'}"]
 
 
-def fits_and_pictures(study: Study) -> tuple[tuple[Fitted, ...], list[Pictures]]:
+def fits_and_pictures(study: Study) -> tuple[StudyResults[StudyFit], list[Pictures]]:
     """A study's fits, and for each the pictures of what was measured.
 
     These are drawn while the kernels of the fit are compiled, which leaves the interpreter
     alone.
     """
-    modes = measured_modes(study)
+    curves = study.curves()
+    modes = list(curves.values())
     each = [[mode] for mode in modes] if study.structure is None else [modes]
     with ThreadPoolExecutor(1) as other:
         drawn = other.submit(lambda: [measured_pictures(*_shown(fitted)) for fitted in each])
-        found = fits(study, modes)
+        found = study.fit(curves)
     return found, drawn.result()
 
 
-def write_fits(study: Study, found: Sequence[Fitted], folder: Path) -> list[bytes]:
+def write_fits(study: Study, found: StudyResults[StudyFit], folder: Path) -> list[bytes]:
     """fit.json, fit.npz and a picture of each fit, which is returned."""
     arrays: dict[str, np.ndarray] = {}
     pictures = []
-    for label, each in zip(file_names(f.name for f in found), found, strict=True):
-        held_out = [row.curves for row in each.held_out if row.curves is not None]
-        pictures.append(save(plot_fit(each.solution, held_out), folder / f"fit_{label}.png"))
+    for label, each in zip(file_names(found), found.values(), strict=True):
+        pictures.append(save(plot(each), folder / f"fit_{label}.png"))
         solution = each.solution
         arrays[f"{label}_covariance"] = solution.covariance
         for i, pair in enumerate(zip(solution.measured, solution.predicted, strict=True)):
@@ -70,13 +69,17 @@ def write_fits(study: Study, found: Sequence[Fitted], folder: Path) -> list[byte
     write_arrays(folder / "fit.npz", arrays)
     write_json(
         folder / "fit.json",
-        {"study": study.name, "iwanjax": version(), "fits": [_told(each) for each in found]},
+        {
+            "study": study.name,
+            "iwanjax": version(),
+            "fits": [_told(each) for each in found.values()],
+        },
     )
     return pictures
 
 
 def entries(
-    found: Sequence[Fitted], pictures: Sequence[bytes], measured: Sequence[Pictures]
+    found: StudyResults[StudyFit], pictures: Sequence[bytes], measured: Sequence[Pictures]
 ) -> list[FitEntry]:
     """A study's fits for its report, with their pictures."""
     return [
@@ -89,7 +92,7 @@ def entries(
             fit_picture=picture,
             measured_pictures=drawn,
         )
-        for each, picture, drawn in zip(found, pictures, measured, strict=True)
+        for each, picture, drawn in zip(found.values(), pictures, measured, strict=True)
     ]
 
 
@@ -101,29 +104,7 @@ def _shown(modes: Sequence[MeasuredMode]) -> tuple[tuple[RingDown, ...], MergedC
     return tuple(hit.ringdown for hit in mode.hits if hit.ringdown is not None), mode.merged
 
 
-def screen_lines(each: Fitted) -> list[str]:
-    """A fit for the screen."""
-    lines = [
-        f"{each.name}: {line}" if i == 0 else line
-        for i, line in enumerate(each.solution.summary().splitlines())
-    ]
-    if each.exponents is not None:
-        lines += ["", each.exponents.statement() + ".", each.exponents.law() + "."]
-    for row in each.held_out:
-        line = (
-            f"held out {row.name}: predicted within {row.frequency_error:.2g} Hz and "
-            f"{row.damping_error:.2g} % of its damping (rms)"
-        )
-        if row.frequency_repeatability is not None and row.damping_repeatability is not None:
-            line += (
-                f"; recordings repeat within {row.frequency_repeatability:.2g} Hz and "
-                f"{row.damping_repeatability:.2g} %"
-            )
-        lines.append(line)
-    return [*lines, f"fitted in {each.seconds:.1f} s, compilation included"]
-
-
-def _told(each: Fitted) -> dict[str, Any]:
+def _told(each: StudyFit) -> dict[str, Any]:
     """A fit for fit.json."""
     solution = each.solution
     return {

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from iwanjax.config import Study
 from iwanjax.plotting import plot_posterior
 from iwanjax.report.fit import fit_report
+from iwanjax.studies import Study
 from iwanjax.updating import Posterior
-from iwanjax.updating.sampling import sample_posterior
 from iwanjax.verbs.fit import entries, fits_and_pictures, write_fits
 from iwanjax.verbs.output import file_names, results, save, version, write_arrays, write_json
 
@@ -22,22 +21,17 @@ def run(study: Study, out: Path) -> list[str]:
     command goes on where it was interrupted.
     """
     found, measured = fits_and_pictures(study)
-    labels = file_names(each.name for each in found)
+    labels = file_names(found)
+    chains = {
+        name: out / f"posterior_{label}.h5" for name, label in zip(found, labels, strict=True)
+    }
     with results(out) as folder:
-        posteriors = [
-            sample_posterior(
-                each.solution,
-                **study.posterior.model_dump(),
-                file=out / f"posterior_{label}.h5",
-                progress=True,
-            )
-            for label, each in zip(labels, found, strict=True)
-        ]
+        posteriors = study.posterior(found, chains=chains, progress=True)
         rows = []
         pictures = write_fits(study, found, folder)
         arrays: dict[str, np.ndarray] = {}
         for label, posterior, entry in zip(
-            labels, posteriors, entries(found, pictures, measured), strict=True
+            labels, posteriors.values(), entries(found, pictures, measured), strict=True
         ):
             drawn = save(plot_posterior(posterior), folder / f"posterior_{label}.png")
             rows.append(replace(entry, posterior=posterior, posterior_picture=drawn))
@@ -51,16 +45,16 @@ def run(study: Study, out: Path) -> list[str]:
                 "study": study.name,
                 "iwanjax": version(),
                 "posteriors": [
-                    {"name": each.name, **_told(posterior)}
-                    for each, posterior in zip(found, posteriors, strict=True)
+                    {"name": name, **_told(posterior)} for name, posterior in posteriors.items()
                 ],
             },
         )
         (folder / "report.html").write_text(fit_report(study.name, rows), encoding="utf-8")
-    lines = []
-    for each, posterior in zip(found, posteriors, strict=True):
-        first, *others = posterior.summary().splitlines()
-        lines += [f"{each.name}: {first}", *others]
+    lines = [
+        line
+        for name, posterior in posteriors.items()
+        for line in f"{name}: {posterior.summary()}".splitlines()
+    ]
     return [*lines, f"wrote {out / 'report.html'}"]
 
 

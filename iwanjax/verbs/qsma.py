@@ -9,32 +9,22 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.config import QsmaSettings, Study
-from iwanjax.errors import InputError
 from iwanjax.plotting import plot_joint, plot_qsma
-from iwanjax.quasistatic import QsmaSolution, qsma
+from iwanjax.quasistatic import QsmaSolution
 from iwanjax.results import Result
 from iwanjax.structures import JointedStructure
+from iwanjax.studies import Study
 from iwanjax.verbs.output import file_names, results, save, version, write_json
-
-_HOW_TO = (
-    "there is no qsma section; add for instance "
-    "qsma: {modes: [0], alpha: {from: 1e-2, to: 1e+2, count: 50}}"
-)
 
 
 def run(study: Study, out: Path) -> list[str]:
     """Write qsma.json, qsma.npz, qsma.png and a picture of each joint; lines for the screen."""
-    if study.structure is None:
-        raise InputError(
-            f"{study.path}: qsma needs a structure, model.file, model.matrices or model.builder; "
-            "this study has modal"
-        )
-    if study.qsma is None:
-        raise InputError(f"{study.path}: {_HOW_TO}")
-    structure = study.structure
+    start = time.perf_counter()
+    solution = study.qsma()
+    jax.block_until_ready(solution.q)
+    seconds = time.perf_counter() - start
+    structure = solution.structure
     with results(out) as folder:
-        solution, seconds = _solve(structure, study.qsma)
         summary = _summary(study.name, structure, solution, seconds)
         write_json(folder / "qsma.json", summary)
         _write_arrays(folder / "qsma.npz", solution)
@@ -43,21 +33,6 @@ def run(study: Study, out: Path) -> list[str]:
         for name, label in zip(file_names(labels), labels, strict=True):
             save(plot_joint(structure.joints[label]), folder / f"joint_{name}.png")
     return [*(_line(mode) for mode in summary["modes"]), f"wrote {out / 'qsma.png'}"]
-
-
-def _solve(structure: JointedStructure, settings: QsmaSettings) -> tuple[QsmaSolution, float]:
-    """The analysis a study asks for, and the seconds that compiling and running took."""
-    start = time.perf_counter()
-    solution = qsma(
-        structure,
-        list(settings.modes),
-        settings.levels,
-        settings.damping,
-        frequency=settings.frequency,
-        shape=settings.shape,
-    )
-    jax.block_until_ready(solution.q)
-    return solution, time.perf_counter() - start
 
 
 def _summary(

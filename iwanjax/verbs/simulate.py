@@ -1,90 +1,33 @@
 """The verb ``simulate``: a study's structure in time, or a joint on its own."""
 
 import math
-import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 from matplotlib.figure import Figure
 
-from iwanjax.config import SimulationCase, Study
-from iwanjax.config.simulate import (
-    Amplitude,
-    ModalImpact,
-    PointImpact,
-    Ramp,
-    RecordedForce,
-    Sine,
-    SweptSine,
-)
-from iwanjax.dynamics import SimulatedResponse, half_sine, modal_input, ramp, simulate, sine, sweep
-from iwanjax.errors import InputError
-from iwanjax.joints import AbstractJoint, hysteresis
-from iwanjax.plotting import plot_hysteresis, plot_transient
-from iwanjax.plotting.transient import last_amplitude
-from iwanjax.signals import read_recording
-from iwanjax.types import ArrayLike
+from iwanjax.config import SimulationCase
+from iwanjax.config.simulate import Sine
+from iwanjax.dynamics import SimulatedResponse
+from iwanjax.plotting import plot
+from iwanjax.studies import Study
+from iwanjax.studies.simulations import DrivenJoint
 from iwanjax.verbs.output import file_names, results, save, version, write_arrays, write_json
 
-_HOW_TO = (
-    "there is no simulate section; add for instance simulate: {name: hit, dt: 1e-3, duration: 1, "
-    "excitation: {type: modal_impact, mode: 0, p: 1}}"
-)
 _RESPONSES = ("displacement", "velocity", "acceleration")
 _OF_JOINTS = ("joint_force", "joint_deflection")
 
 
-@dataclass(frozen=True, eq=False)
-class Driven:
-    """A joint's force along a history of deflections, (N,) each.
-
-    Attributes
-    ----------
-    joint : joint
-        The element.
-    time, d, force : (N,) array
-        s, length and force.
-    amplitude : float
-        Of the last loop, length.
-    secant, area, gap : float
-        Of the last loop: force over deflection between its tips, force/length; what it encloses,
-        force x length; its force at the end less that at the beginning. NaN for less than a loop.
-    """
-
-    joint: AbstractJoint
-    time: np.ndarray
-    d: np.ndarray
-    force: np.ndarray
-    amplitude: float
-    secant: float = math.nan
-    area: float = math.nan
-    gap: float = math.nan
-
-
 def run(study: Study, out: Path) -> list[str]:
     """Write simulate.json, simulate.npz and a picture of each case; lines for the screen."""
-    if study.structure is None:
-        raise InputError(
-            f"{study.path}: simulate needs a structure, model.file, model.matrices or "
-            "model.builder; this study has modal"
-        )
-    if not study.simulate:
-        raise InputError(f"{study.path}: {_HOW_TO}")
-    found = [_solved(case) for case in study.simulate]
-    told = [
-        _told(case, result, seconds)
-        for case, (result, seconds) in zip(study.simulate, found, strict=True)
-    ]
+    found = study.simulate()
+    cases = {case: found[case.name] for case in study.setup.simulate}
+    told = [_told(case, each, found.seconds[case.name]) for case, each in cases.items()]
     with results(out) as folder:
         arrays: dict[str, np.ndarray] = {}
-        labels = file_names(case.name for case in study.simulate)
-        for label, case, (result, _) in zip(labels, study.simulate, found, strict=True):
+        labels = file_names(found)
+        for label, (case, result) in zip(labels, cases.items(), strict=True):
             arrays |= {f"{label}_{name}": a for name, a in _arrays(case, result).items()}
             figure = _figure(case, result)
             if figure is not None:
@@ -98,137 +41,20 @@ def run(study: Study, out: Path) -> list[str]:
     return [*lines, f"wrote {out / 'simulate.json'}"]
 
 
-def _solved(case: SimulationCase) -> tuple[SimulatedResponse | Driven, float]:
-    """A case computed, and the seconds that compiling and running took."""
-    start = time.perf_counter()
-    try:
-        result = _driven(case) if case.joint is not None else _transient(case)
-    except InputError as error:
-        raise InputError(f"{case.place}: {error}") from None
-    return result, time.perf_counter() - start
-
-
-def _transient(case: SimulationCase) -> SimulatedResponse:
-    settings = case.settings
-    force, rows, dt = _force(case)
-    found = simulate(
-        case.structure,
-        force,
-        dt,
-        inputs=rows,
-        sensors=np.stack(list(case.sensors.values())),
-        method=settings.method,
-        keep=settings.quantities,
-        every=settings.every,
-        substeps=settings.substeps,
-        modes=settings.modes,
-        sliders=settings.sliders,
-        accuracy=settings.accuracy,
-    )
-    return jax.block_until_ready(found)
-
-
-def _force(case: SimulationCase) -> tuple[ArrayLike, ArrayLike, float]:
-    """Forces at the samples, the rows they act along, and the step."""
-    excitation = case.settings.excitation
-    if isinstance(excitation, RecordedForce):
-        return _recorded(case, excitation)
-    t, dt = _instants(case)
-    if isinstance(excitation, ModalImpact):
-        omega = case.structure.modes().omega[excitation.mode]
-        row = modal_input(case.structure, excitation.mode, excitation.limit)
-        return half_sine(t, excitation.p, omega), row, dt
-    assert case.inputs is not None
-    if isinstance(excitation, PointImpact):
-        return half_sine(t, excitation.p, excitation.circular), case.inputs, dt
-    assert isinstance(excitation, Sine | SweptSine)
-    amplitude = _amplitude(t, excitation.amplitude)
-    if isinstance(excitation, Sine):
-        return sine(t, amplitude, excitation.circular), case.inputs, dt
-    band = (excitation.start, excitation.to)
-    return sweep(t, amplitude, band, excitation.kind), case.inputs, dt
-
-
-def _instants(case: SimulationCase) -> tuple[np.ndarray, float]:
-    dt = case.settings.dt
-    assert dt is not None
-    return dt * np.arange(case.settings.steps + 1), dt
-
-
-def _amplitude(t: np.ndarray, amplitude: Amplitude) -> ArrayLike:
-    if isinstance(amplitude, Ramp):
-        return ramp(t, amplitude.start, amplitude.to, amplitude.duration)
-    return amplitude
-
-
-def _recorded(
-    case: SimulationCase, excitation: RecordedForce
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """The measured forces, one column for each input."""
-    assert case.file is not None
-    assert case.inputs is not None
-    recording = read_recording(
-        case.file,
-        excitation.index,
-        variable=excitation.variable,
-        force=excitation.array,
-        sampling_rate=excitation.sampling_rate,
-    )
-    if recording.force is None:
-        raise InputError(f"{recording.name} holds no force; say array: and its name")
-    columns = recording.force.shape[1]
-    if columns != len(case.inputs):
-        raise InputError(
-            f"{recording.name} holds {columns} force(s) for {len(case.inputs)} input(s); expected "
-            "a label for each"
-        )
-    return recording.force, case.inputs, 1.0 / recording.sampling_rate
-
-
-def _driven(case: SimulationCase) -> Driven:
-    drive, joint = case.settings.drive, case.structure.joints[case.joint or ""]
-    assert drive is not None
-    t, dt = _instants(case)
-    amplitude = _amplitude(t, drive.amplitude)
-    d = np.asarray(sine(t, amplitude, 2.0 * math.pi * drive.frequency, 0.5 * math.pi))
-    force = np.asarray(hysteresis(joint, d, sliders=case.settings.sliders, dt=dt))
-    period = round(1.0 / (drive.frequency * dt))
-    if not 2 < period < d.size:
-        return Driven(joint, t, d, force, last_amplitude(d))
-    # The tips are the last ones: a loop that is not steady yet has several.
-    d_loop, F_loop = d[: -period - 2 : -1], force[: -period - 2 : -1]
-    low, high = int(np.argmin(d_loop)), int(np.argmax(d_loop))
-    width = float(d_loop[high] - d_loop[low])
-    if width == 0.0:
-        return Driven(joint, t, d, force, amplitude=0.0)
-    return Driven(
-        joint,
-        t,
-        d,
-        force,
-        amplitude=0.5 * width,
-        secant=float(F_loop[high] - F_loop[low]) / width,
-        area=-float(np.trapezoid(F_loop, d_loop)),
-        gap=float(F_loop[0] - F_loop[-1]),
-    )
-
-
-def _figure(case: SimulationCase, result: SimulatedResponse | Driven) -> Figure | None:
+def _figure(case: SimulationCase, result: SimulatedResponse | DrivenJoint) -> Figure | None:
     """The picture of a case; None where what was kept makes none."""
-    if isinstance(result, Driven):
-        # Virgin curve and steady loop are quasi-static.
-        joint = None if result.joint.discrete().rate_dependent else result.joint
-        return plot_hysteresis(result.d, result.force, joint, amplitude=result.amplitude)
+    if isinstance(result, DrivenJoint):
+        return plot(result)
     if not {*_RESPONSES, "energy"} & {*case.settings.quantities} and (
         result.joint_force is None or result.joint_deflection is None
     ):
         return None
-    return plot_transient(result, labels=list(case.sensors))
+    return plot(result, labels=list(case.sensors))
 
 
-def _arrays(case: SimulationCase, result: SimulatedResponse | Driven) -> dict[str, np.ndarray]:
+def _arrays(case: SimulationCase, result: SimulatedResponse | DrivenJoint) -> dict[str, np.ndarray]:
     """A case for simulate.npz."""
-    if isinstance(result, Driven):
+    if isinstance(result, DrivenJoint):
         found = {"time": result.time, "joint_deflection": result.d, "joint_force": result.force}
         return found | {"joints": np.array([case.joint])}
     found = {"time": np.asarray(result.time)}
@@ -242,17 +68,17 @@ def _arrays(case: SimulationCase, result: SimulatedResponse | Driven) -> dict[st
 
 
 def _told(
-    case: SimulationCase, result: SimulatedResponse | Driven, seconds: float
+    case: SimulationCase, result: SimulatedResponse | DrivenJoint, seconds: float
 ) -> dict[str, Any]:
     """A case for simulate.json."""
     common = {"name": case.name, "compile_and_run_seconds": round(seconds, 3)}
-    if isinstance(result, Driven):
+    if isinstance(result, DrivenJoint):
         return common | _told_drive(case, result)
     return common | _told_transient(case, result)
 
 
-def _told_drive(case: SimulationCase, driven: Driven) -> dict[str, Any]:
-    steady = _steady(driven.joint, driven.amplitude, case)
+def _told_drive(case: SimulationCase, driven: DrivenJoint) -> dict[str, Any]:
+    secant, dissipation = driven.steady_cycle()
     return {
         "joint": case.joint,
         "sliders": case.settings.sliders,
@@ -267,21 +93,8 @@ def _told_drive(case: SimulationCase, driven: Driven) -> dict[str, Any]:
             "dissipation": driven.area,
             "gap": driven.gap,
         },
-        "steady_cycle": steady,
+        "steady_cycle": {"secant_stiffness": secant, "dissipation": dissipation},
     }
-
-
-def _steady(joint: AbstractJoint, amplitude: float, case: SimulationCase) -> dict[str, float]:
-    """Closed forms at the last loop's amplitude, as if no larger one had gone before."""
-    drive = case.settings.drive
-    assert drive is not None
-    found = _cycle(joint, jnp.asarray(amplitude), 2.0 * math.pi * drive.frequency)
-    return dict(zip(("secant_stiffness", "dissipation"), map(float, found), strict=True))
-
-
-@eqx.filter_jit
-def _cycle(joint: AbstractJoint, amplitude: Array, omega: float) -> tuple[Array, Array]:
-    return joint.secant(amplitude), joint.dissipation(amplitude, omega=omega)
 
 
 def _told_transient(case: SimulationCase, found: SimulatedResponse) -> dict[str, Any]:

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import iwanjax as ij
+from iwanjax.joints.hysteresis import last_amplitude
 from iwanjax.plotting import plot, plot_hysteresis, plot_transient
-from iwanjax.plotting.transient import last_amplitude
 
 ELEMENT = ij.Iwan5(F_S=10.0, K_T=1.0, chi=-0.5, beta=1.0, theta=0.5)
 

@@ -5,9 +5,8 @@ import pytest
 from scipy.optimize import root_scalar
 
 import iwanjax as ij
-from iwanjax.config import load_study
 from iwanjax.signals import curves_from_force_control, resonance_from_control
-from iwanjax.verbs.measured import measured_modes
+from iwanjax.studies import load_study
 
 MASS, OMEGA, ZETA = 1.3, 440.0, 0.003
 LARGEST = 1e-3
@@ -194,7 +193,7 @@ def test_a_study_takes_force_control_of_a_mode(tmp_path):
         f"  - {{{entry}, levels: [3, 5], use: hold_out}}",
     ]
     (tmp_path / "study.yaml").write_text("\n".join(text))
-    (mode,) = measured_modes(load_study(tmp_path / "study.yaml"))
+    (mode,) = load_study(tmp_path / "study.yaml").curves().values()
     (fitted,), (held,) = mode.hits, mode.held_out
     assert (fitted.name, held.name) == ("swept.csv[1, 2, 4]", "swept.csv[3, 5]")
     assert (fitted.curves.quantity, fitted.curves.unit) == ("acceleration", "m/s^2")

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
-from iwanjax.config import load_study
 from iwanjax.signals import resonance_from_control
-from iwanjax.verbs.measured import measured_modes
+from iwanjax.studies import load_study
 
 MASS, ZETA = 0.7, 0.004
 BAND = np.linspace(0.985, 1.012, 15)
@@ -166,7 +165,7 @@ def test_a_study_takes_response_control_of_a_mode(tmp_path):
         f"  - {{{entry}, levels: [4], use: hold_out}}",
     ]
     (tmp_path / "study.yaml").write_text("\n".join(text))
-    (mode,) = measured_modes(load_study(tmp_path / "study.yaml"))
+    (mode,) = load_study(tmp_path / "study.yaml").curves().values()
     assert [hit.curves.amplitude.size for hit in (*mode.hits, *mode.held_out)] == [2, 1]
     names = [hit.name for hit in (*mode.hits, *mode.held_out)]
     assert names == ["control.csv[1, 2]", "control.csv[4]"]

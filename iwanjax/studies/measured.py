@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from iwanjax.config import RecordingEntry, Study
+from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.signals import (
@@ -14,21 +14,16 @@ from iwanjax.signals import (
     RingDown,
     merge_curves,
     modal_filter,
-    read_curves,
-    read_force_control,
-    read_recordings,
-    read_response_control,
     ringdown,
 )
+from iwanjax.studies.reading import STEPPED, blamed, read_modal_curves, recordings_of
 
 # Where a mode of a structure is looked for, as share of its frequency, unless neighbours are
 # nearer; and how far a force has fallen, as share of its peak, when the contact is over.
 _REACH = 0.25
 _FORCE_ENDS = 0.01
-# Stepped sines, by what is held.
-_STEPPED = {"response_control": read_response_control, "force_control": read_force_control}
 # Recordings that give curves of a mode.
-_GIVING = ("free_decay", "transient", "curves", *_STEPPED)
+_GIVING = ("free_decay", "transient", "curves", *STEPPED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +78,38 @@ class MeasuredMode:
             return self.merged.weighted_hits
         return tuple(hit.curves for hit in self.hits)
 
+    @property
+    def curves(self) -> ModalCurves:
+        """The mode's one curve: of the only hit, the merged one, or that with most levels."""
+        if self.merged is not None:
+            return self.merged.curves
+        return max((hit.curves for hit in self.hits), key=lambda curves: curves.amplitude.size)
 
-def measured_modes(study: Study) -> tuple[MeasuredMode, ...]:
+    def summary(self) -> str:
+        """Amplitudes, frequency and damping, repeatability and what was left out, in lines."""
+        common = self.curves
+        a, f, z = (np.asarray(x) for x in (common.amplitude, common.frequency, common.damping))
+        order = np.argsort(a)
+        low, high = order[0], order[-1]
+        unit = f" {common.unit}" if common.unit else ""
+        lines = [
+            f"{self.name}: {len(self.hits)} recording(s) to fit, {len(self.held_out)} held out; "
+            f"{common.quantity} {a[low]:.3g} to {a[high]:.3g}{unit}: {f[low]:.6g} to "
+            f"{f[high]:.6g} Hz, damping {100 * z[low]:.3g} to {100 * z[high]:.3g} %"
+        ]
+        if self.merged is not None:
+            f_rms, z_rms = (
+                float(np.sqrt(np.mean(np.square(x))))
+                for x in (self.merged.frequency_spread, self.merged.damping_spread)
+            )
+            lines.append(
+                f"{self.name}: at equal amplitude the recordings lie {f_rms:.2g} Hz and "
+                f"{100 * z_rms:.2g} % damping (rms) about their mean"
+            )
+        return "\n".join([*lines, *(f"{self.name}: left out {why}" for why in self.skipped)])
+
+
+def measured_modes(study: StudySetup) -> tuple[MeasuredMode, ...]:
     """Curves of every mode that a study's recordings are of.
 
     Raises
@@ -95,7 +120,7 @@ def measured_modes(study: Study) -> tuple[MeasuredMode, ...]:
     """
     if not study.recordings:
         raise InputError(
-            f"{study.path}: there are no recordings; add for instance recordings: [{{file: "
+            f"{study.label}: there are no recordings; add for instance recordings: [{{file: "
             "hit1.npz, kind: free_decay, response: {array: response, quantity: velocity}}]"
         )
     bands = _bands(study)
@@ -117,7 +142,7 @@ def measured_modes(study: Study) -> tuple[MeasuredMode, ...]:
     if not any(mode.hits for mode in modes):
         reasons = "; ".join(dict.fromkeys(reason for mode in modes for reason in mode.skipped))
         raise InputError(
-            f"{study.path}: no recording with use: fit gives curves"
+            f"{study.label}: no recording with use: fit gives curves"
             + (
                 f": {reasons}"
                 if reasons
@@ -128,7 +153,7 @@ def measured_modes(study: Study) -> tuple[MeasuredMode, ...]:
 
 
 def _mode(
-    study: Study,
+    study: StudySetup,
     key: str | int,
     band: tuple[float, float],
     hits: dict[str, list[Hit]],
@@ -136,7 +161,7 @@ def _mode(
 ) -> MeasuredMode:
     if study.modal and not hits["fit"]:
         raise InputError(
-            f"{study.path}: no recording with use: fit is of mode {key!r}; add one, or take the "
+            f"{study.label}: no recording with use: fit is of mode {key!r}; add one, or take the "
             "mode out"
         )
     merged = None
@@ -157,7 +182,7 @@ def _mode(
     )
 
 
-def _bands(study: Study) -> dict[str | int, tuple[float, float]]:
+def _bands(study: StudySetup) -> dict[str | int, tuple[float, float]]:
     """Where each mode is looked for, Hz."""
     if study.modal:
         return {mode.name: mode.band for mode in study.modal}
@@ -176,14 +201,13 @@ def _bands(study: Study) -> dict[str | int, tuple[float, float]]:
 
 
 def _hits(
-    study: Study, entry: RecordingEntry, bands: dict[str | int, tuple[float, float]]
+    study: StudySetup, entry: RecordingEntry, bands: dict[str | int, tuple[float, float]]
 ) -> Iterator[tuple[str | int, Hit | str]]:
     """Curves of each mode that an entry is of, or why a recording shows nothing of it."""
     if entry.kind == "curves":
-        curves = _blamed(entry, lambda: read_curves(entry.path, name=entry.name))
-        yield entry.modes[0], Hit(entry.name, curves)
+        yield entry.modes[0], Hit(entry.name, read_modal_curves(entry))
         return
-    if entry.kind in _STEPPED:
+    if entry.kind in STEPPED:
         if not study.modal:
             raise InputError(
                 f"{entry.place}: {entry.kind} tells the amplitude of one sensor, not of a "
@@ -192,20 +216,15 @@ def _hits(
         # Levels to fit and levels held out are often in one file.
         labels = ", ".join(f"{level:g}" for level in entry.levels or ())
         name = f"{entry.name}[{labels}]" if labels else entry.name
-        curves = _blamed(entry, lambda: _STEPPED[entry.kind](entry.path, entry.levels, name=name))
-        yield entry.modes[0], Hit(name, curves)
+        yield entry.modes[0], Hit(name, read_modal_curves(entry, name))
         return
     if entry.kind not in ("free_decay", "transient"):
         return
-    recordings = _blamed(entry, lambda: _recordings(entry))
-    for i, recording in recordings:
-        name = entry.name if len(recordings) == 1 else f"{entry.name}[{i}]"
+    for name, recording in recordings_of(entry):
         start = entry.start if entry.start is not None else _contact_ends(recording)
         for key in (key for key in bands if key in entry.modes):
-            try:
+            with blamed(f"{entry.place}: {name}"):
                 signal, quantity, unit = _signal(study, entry, recording, key)
-            except InputError as error:
-                raise InputError(f"{entry.place}: {name}: {error}") from None
             try:
                 found = ringdown(
                     signal,
@@ -227,39 +246,6 @@ def _hits(
                 yield key, Hit(name, found.curves, found)
 
 
-def recordings_of(entry: RecordingEntry) -> list[Recording]:
-    """All recordings of an entry, faults told with its place in the study."""
-    return [recording for _, recording in _blamed(entry, lambda: _recordings(entry))]
-
-
-def _recordings(entry: RecordingEntry) -> list[tuple[int, Recording]]:
-    response = entry.response
-    options: dict = {
-        "variable": entry.variable,
-        "sampling_rate": entry.sampling_rate,
-        "quantity": response.quantity or "",
-        "unit": response.unit,
-    }
-    if entry.kind == "free_decay":
-        options["force"] = []
-    elif entry.force is not None:
-        options |= {"force": entry.force.array, "inputs": entry.force.inputs or None}
-    labels = response.channels or response.sensors or None
-    if response.array is not None or not response.channels:
-        found = read_recordings(entry.path, response=response.array, channels=labels, **options)
-    else:
-        try:
-            found = read_recordings(entry.path, response=list(response.channels), **options)
-        except InputError:
-            # A file without names for its channels: the study names them.
-            found = read_recordings(entry.path, channels=labels, **options)
-    indices = range(len(found)) if entry.index is None else entry.index
-    for i in indices:
-        if i >= len(found):
-            raise InputError(f"index {i}: the file holds {len(found)} recording(s), counted from 0")
-    return [(i, found[i]) for i in indices]
-
-
 def _contact_ends(recording: Recording) -> float | None:
     """When the last force has died down, s; None without force."""
     if recording.force is None or not np.any(recording.force):
@@ -270,7 +256,7 @@ def _contact_ends(recording: Recording) -> float | None:
 
 
 def _signal(
-    study: Study, entry: RecordingEntry, recording: Recording, key: str | int
+    study: StudySetup, entry: RecordingEntry, recording: Recording, key: str | int
 ) -> tuple[np.ndarray, str, str]:
     """The mode's signal, what it is, and its unit."""
     kinds = sorted({channel.quantity for channel in recording.channels})
@@ -303,11 +289,3 @@ def _signal(
     first = max(0, min(key - count + 1, Phi.shape[1] - count)) if key >= count else 0
     modal = modal_filter(recording.response, rows @ Phi[:, first : first + count])
     return modal[:, key - first], kinds[0], ""
-
-
-def _blamed(entry: RecordingEntry, read):
-    """What reading gives, its faults told with the study's line."""
-    try:
-        return read()
-    except InputError as error:
-        raise InputError(f"{entry.place}: {error}") from None

@@ -1,17 +1,19 @@
-"""Fits of a study's model to its measured modes."""
+"""Fits of a study's model to its measured modes, and what they predict of recordings held out."""
 
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.config import Study
+from iwanjax.config import StudySetup
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import ModalOscillator
-from iwanjax.report.fit import HeldOut
+from iwanjax.structures import JointedStructure, oscillator
+from iwanjax.studies.measured import MeasuredMode
 from iwanjax.updating import (
     Exponents,
     FitSolution,
@@ -21,12 +23,35 @@ from iwanjax.updating import (
     structural_parameters,
 )
 from iwanjax.updating.model_error import model_error_of, with_model_error
-from iwanjax.verbs.curves import common_curve
-from iwanjax.verbs.measured import MeasuredMode
+
+
+class HeldOut(NamedTuple):
+    """How well a fit predicts a hit that it has not seen.
+
+    Attributes
+    ----------
+    name : str
+        Of the hit.
+    frequency_error : float
+        Root mean square, Hz.
+    damping_error : float
+        Root mean square relative to the measured damping, per cent.
+    frequency_repeatability, damping_repeatability : float or None
+        How far one hit is from the next, in the same units; None where not known.
+    curves : ModalCurves, optional
+        The hit, for the figure of the fit.
+    """
+
+    name: str
+    frequency_error: float
+    damping_error: float
+    frequency_repeatability: float | None = None
+    damping_repeatability: float | None = None
+    curves: ModalCurves | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class StudyFit:
     """One fit of a study: of one mode, or of a structure to all its modes.
 
     Attributes
@@ -52,9 +77,37 @@ class Fitted:
     held_out: tuple[HeldOut, ...]
     seconds: float
 
+    @property
+    def structure(self) -> JointedStructure:
+        """The fitted model, ready for :func:`iwanjax.simulate`; a mode is one of unit mass."""
+        model = self.solution.model
+        if isinstance(model, JointedStructure):
+            return model
+        # What is fitted is this or a structure.
+        assert isinstance(model, ModalOscillator)
+        return oscillator(stiffness=float(model.K_inf), joint=model.joint, zeta=float(model.zeta_0))
 
-def fits(study: Study, modes: Sequence[MeasuredMode]) -> tuple[Fitted, ...]:
-    """Fit the study's model.
+    def summary(self) -> str:
+        """The fit, the power laws of its curves, and how recordings held out are predicted."""
+        lines = [f"{self.name}: {self.solution.summary()}"]
+        if self.exponents is not None:
+            lines += ["", self.exponents.statement() + ".", self.exponents.law() + "."]
+        for row in self.held_out:
+            line = (
+                f"held out {row.name}: predicted within {row.frequency_error:.2g} Hz and "
+                f"{row.damping_error:.2g} % of its damping (rms)"
+            )
+            if row.frequency_repeatability is not None and row.damping_repeatability is not None:
+                line += (
+                    f"; recordings repeat within {row.frequency_repeatability:.2g} Hz and "
+                    f"{row.damping_repeatability:.2g} %"
+                )
+            lines.append(line)
+        return "\n".join([*lines, f"fitted in {self.seconds:.1f} s, compilation included"])
+
+
+def fits_of(study: StudySetup, modes: Sequence[MeasuredMode]) -> tuple[StudyFit, ...]:
+    """Fit the study's structure to all modes, or a joint to each.
 
     Raises
     ------
@@ -66,7 +119,7 @@ def fits(study: Study, modes: Sequence[MeasuredMode]) -> tuple[Fitted, ...]:
     return tuple(_modal(study, mode) for mode in modes)
 
 
-def _modal(study: Study, mode: MeasuredMode) -> Fitted:
+def _modal(study: StudySetup, mode: MeasuredMode) -> StudyFit:
     kind = next(modal.kind for modal in study.modal if modal.name == mode.name)
     start = time.perf_counter()
     curves = of_one_quantity(mode.weighted)
@@ -86,7 +139,7 @@ def _modal(study: Study, mode: MeasuredMode) -> Fitted:
         )
     seconds = time.perf_counter() - start
     predictions = _predictions(solution, mode)
-    return Fitted(mode.name, (mode,), solution, exponents.result(), predictions, seconds)
+    return StudyFit(mode.name, (mode,), solution, exponents.result(), predictions, seconds)
 
 
 def _exponents(curves: tuple[ModalCurves, ...]) -> Exponents | None:
@@ -105,10 +158,10 @@ def of_one_quantity(curves: Sequence[ModalCurves]) -> tuple[ModalCurves, ...]:
     )
 
 
-def _structure(study: Study, modes: Sequence[MeasuredMode]) -> Fitted:
+def _structure(study: StudySetup, modes: Sequence[MeasuredMode]) -> StudyFit:
     assert study.structure is not None
     start = time.perf_counter()
-    curves = [common_curve(mode).as_quantity("modal displacement") for mode in modes]
+    curves = [mode.curves.as_quantity("modal displacement") for mode in modes]
     keys = [mode.key for mode in modes if isinstance(mode.key, int)]
     settings = study.fit
     groups = settings.groups or None
@@ -128,7 +181,7 @@ def _structure(study: Study, modes: Sequence[MeasuredMode]) -> Fitted:
         starts=settings.starts,
         seed=settings.seed,
     )
-    return Fitted(study.name, tuple(modes), solution, None, (), time.perf_counter() - start)
+    return StudyFit(study.name, tuple(modes), solution, None, (), time.perf_counter() - start)
 
 
 def _predictions(solution: FitSolution, mode: MeasuredMode) -> tuple[HeldOut, ...]:

@@ -1,13 +1,13 @@
 """Diagnoses of a study: of its structure by hits or curves, of joints by loops, of modes."""
 
 import math
-import sys
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from iwanjax.config import RecordingEntry, Study
+from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose
 from iwanjax.discrepancy.steady.diagnose_curves import diagnose_curves
@@ -15,18 +15,20 @@ from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.discrepancy.steady.interacting_modes import InteractingMode
 from iwanjax.errors import InputError
-from iwanjax.signals import ForceLoop, Recording, read_loop
+from iwanjax.signals import ForceLoop, Recording
+from iwanjax.studies.fits import of_one_quantity
+from iwanjax.studies.measured import MeasuredMode, measured_modes
+from iwanjax.studies.reading import read_force_loop, recordings_of
 from iwanjax.updating import modal_parameters
 from iwanjax.updating.structural import joint_parameters
-from iwanjax.verbs.curves import common_curve
-from iwanjax.verbs.fitted import of_one_quantity
-from iwanjax.verbs.measured import MeasuredMode, measured_modes, recordings_of
+
+Progress = Callable[[str], None]
 
 # Kinds of recordings of a structure, and samples after the peak when a hammer has let go.
 _HISTORIES, _PEAK_ENDS = ("transient", "free_decay"), 8
 
 
-def diagnosed(study: Study, budget: float | None = None) -> dict[str, Diagnosis]:
+def diagnosed(study: StudySetup, budget: float | None, progress: Progress) -> dict[str, Diagnosis]:
     """What a study's model lacks: a verdict on its structure and each joint, or on each mode.
 
     Raises
@@ -38,24 +40,22 @@ def diagnosed(study: Study, budget: float | None = None) -> dict[str, Diagnosis]
     limit = budget if budget is not None else study.budget
     seconds = math.inf if limit is None else limit
     if study.modal:
-        return _modes(study, seconds)
+        return _modes(study, seconds, progress)
     looped = dict.fromkeys(entry.joint for entry in study.recordings if entry.kind == "loop")
     transient = any(entry.kind in _HISTORIES for entry in study.recordings)
     curves = any(entry.kind == "curves" for entry in study.recordings)
     share = seconds / (len(looped) + transient + curves or 1)
-    found = {label: _joint(study, label, share) for label in looped if label is not None}
+    found = {label: _joint(study, label, share, progress) for label in looped if label is not None}
     if curves:
-        found[f"{study.name}, its modes" if transient else study.name] = _by_curves(study, share)
+        found[f"{study.name}, its modes" if transient else study.name] = _by_curves(
+            study, share, progress
+        )
     if transient or not found:
-        found[study.name] = _structure(study, share)
+        found[study.name] = _structure(study, share, progress)
     return found
 
 
-def _say(line: str) -> None:
-    print(f"  {line}", file=sys.stderr, flush=True)
-
-
-def _modes(study: Study, budget: float) -> dict[str, Diagnosis]:
+def _modes(study: StudySetup, budget: float, progress: Progress) -> dict[str, Diagnosis]:
     """Each mode by the curves of its recordings."""
     found = {}
     modes = measured_modes(study)
@@ -82,7 +82,7 @@ def _modes(study: Study, budget: float) -> dict[str, Diagnosis]:
             starts=study.fit.starts,
             seed=study.seed,
             budget=budget / len(modes),
-            progress=_say,
+            progress=progress,
         )
     return found
 
@@ -103,24 +103,21 @@ def _companion(mode: MeasuredMode, other: MeasuredMode) -> InteractingMode:
     return InteractingMode(other.name, f, tuple(found))
 
 
-def _joint(study: Study, label: str, budget: float) -> Diagnosis:
+def _joint(study: StudySetup, label: str, budget: float, progress: Progress) -> Diagnosis:
     """A joint by its loops."""
     structure = study.structure
     # Loops of joints are refused without.
     assert structure is not None
     if label not in structure.joints:
         raise InputError(
-            f"{study.path}: {label!r} is no joint of the structure: {', '.join(structure.joints)}"
+            f"{study.label}: {label!r} is no joint of the structure: {', '.join(structure.joints)}"
         )
     read: dict[str, list[ForceLoop]] = {"fit": [], "hold_out": []}
     for entry in study.recordings:
         if entry.kind == "loop" and entry.joint == label:
-            try:
-                read[entry.use].append(read_loop(entry.path, name=entry.name))
-            except InputError as error:
-                raise InputError(f"{entry.place}: {error}") from None
+            read[entry.use].append(read_force_loop(entry))
     if not read["fit"]:
-        raise InputError(f"{study.path}: all loops of {label} are held out; expected some to fit")
+        raise InputError(f"{study.label}: all loops of {label} are held out; expected some to fit")
     parameters = study.parameters(None, joint_parameters(label, structure.joints[label]))
     return diagnose_loops(
         structure.joints[label],
@@ -132,18 +129,18 @@ def _joint(study: Study, label: str, budget: float) -> Diagnosis:
         starts=study.fit.starts,
         seed=study.seed,
         budget=budget,
-        progress=_say,
+        progress=progress,
     )
 
 
-def _by_curves(study: Study, budget: float) -> Diagnosis:
+def _by_curves(study: StudySetup, budget: float, progress: Progress) -> Diagnosis:
     """The structure by the curves of its modes."""
     model, structure = study.model, study.structure
     # A study has these or single modes.
     assert model is not None
     assert structure is not None
     if not model.rows:
-        raise InputError(f"{study.path}: diagnose needs a model with named rows")
+        raise InputError(f"{study.label}: diagnose needs a model with named rows")
     entries = tuple(entry for entry in study.recordings if entry.kind == "curves")
     curves: dict[int, ModalCurves] = {}
     held_out: dict[int, list[ModalCurves]] = {}
@@ -152,7 +149,7 @@ def _by_curves(study: Study, budget: float) -> Diagnosis:
         others = [hit.curves for hit in mode.held_out]
         if mode.merged is not None:
             others = [mode.merged.weighted(each) for each in others]
-        curves[mode.key] = common_curve(mode)
+        curves[mode.key] = mode.curves
         held_out[mode.key] = others
     groups = study.fit.groups or None
     # The modes of a diagnosis come lowest first.
@@ -170,11 +167,11 @@ def _by_curves(study: Study, budget: float) -> Diagnosis:
         starts=study.fit.starts,
         seed=study.seed,
         budget=budget,
-        progress=_say,
+        progress=progress,
     )
 
 
-def _structure(study: Study, budget: float) -> Diagnosis:
+def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosis:
     """The structure by its time histories."""
     model, structure = study.model, study.structure
     # A study has these or single modes.
@@ -182,28 +179,28 @@ def _structure(study: Study, budget: float) -> Diagnosis:
     assert structure is not None
     if not model.rows or not model.sensors or not model.inputs:
         raise InputError(
-            f"{study.path}: diagnose needs a model with named rows, sensors and inputs"
+            f"{study.label}: diagnose needs a model with named rows, sensors and inputs"
         )
     found = [
-        (entry, recording)
+        (entry, name, recording)
         for entry in study.recordings
         if entry.kind in _HISTORIES
-        for recording in recordings_of(entry)
+        for name, recording in recordings_of(entry)
     ]
     if not found:
         raise InputError(
-            f"{study.path}: no recordings of kind transient, free_decay, curves or loop; diagnose "
+            f"{study.label}: no recordings of kind transient, free_decay, curves or loop; diagnose "
             "needs time histories, curves of modes, or loops of joints"
         )
-    sensors, quantity, rate = _common(study, [recording for _, recording in found])
+    sensors, quantity, rate = _common(study, [recording for _, _, recording in found])
     transients = [
         StudyRecording(
-            entry.name,
+            name,
             _response(entry, recording),
             None if entry.kind == "free_decay" else _forces(study, recording, entry.place),
             entry.use,
         )
-        for entry, recording in found
+        for entry, name, recording in found
     ]
     return diagnose(
         structure,
@@ -217,11 +214,11 @@ def _structure(study: Study, budget: float) -> Diagnosis:
         noise=[study.noise.get(name, math.nan) for name in sensors],
         budget=budget,
         seed=study.seed,
-        progress=_say,
+        progress=progress,
     )
 
 
-def _common(study: Study, recordings: list[Recording]) -> tuple[list[str], Any, float]:
+def _common(study: StudySetup, recordings: list[Recording]) -> tuple[list[str], Any, float]:
     """Sensors, quantity and sampling rate that all recordings have in common."""
     assert study.model is not None
     first = recordings[0]
@@ -230,23 +227,23 @@ def _common(study: Study, recordings: list[Recording]) -> tuple[list[str], Any, 
     for recording in recordings:
         if [channel.name for channel in recording.channels] != names:
             raise InputError(
-                f"{study.path}: recordings with different sensors; expected {', '.join(names)} in "
+                f"{study.label}: recordings with different sensors; expected {', '.join(names)} in "
                 "all"
             )
         if not math.isclose(recording.sampling_rate, first.sampling_rate, rel_tol=1e-6):
             raise InputError(
-                f"{study.path}: recordings of {first.sampling_rate:g} and "
+                f"{study.label}: recordings of {first.sampling_rate:g} and "
                 f"{recording.sampling_rate:g} Hz; expected one sampling rate"
             )
     unknown = [name for name in names if name not in study.model.sensors]
     if unknown:
         raise InputError(
-            f"{study.path}: sensor {unknown[0]!r} is not in the model; it has "
+            f"{study.label}: sensor {unknown[0]!r} is not in the model; it has "
             f"{', '.join(study.model.sensors)}"
         )
     if len(quantities) != 1 or not quantities <= {"acceleration", "velocity", "displacement"}:
         raise InputError(
-            f"{study.path}: sensors measure {', '.join(sorted(map(str, quantities)))}; expected "
+            f"{study.label}: sensors measure {', '.join(sorted(map(str, quantities)))}; expected "
             "all acceleration, velocity or displacement"
         )
     return names, quantities.pop(), first.sampling_rate
@@ -264,7 +261,7 @@ def _response(entry: RecordingEntry, recording: Recording) -> np.ndarray:
     return response[first:last]
 
 
-def _forces(study: Study, recording: Recording, place: str) -> np.ndarray:
+def _forces(study: StudySetup, recording: Recording, place: str) -> np.ndarray:
     """Forces at all inputs of the model, zero where none was measured."""
     assert study.model is not None
     inputs = list(study.model.inputs)

@@ -1,0 +1,21 @@
+"""Studies: a model with its recordings, and all that can be done with them but write files.
+
+Fits, simulations and diagnoses stay in their modules: they load the optimisers, which reading a
+study does not need.
+"""
+
+from iwanjax.config import Measurement
+from iwanjax.studies.measured import Hit, MeasuredMode
+from iwanjax.studies.results import StudyResults
+from iwanjax.studies.study import Study, load_study
+from iwanjax.studies.tables import as_recording
+
+__all__ = [
+    "Hit",
+    "MeasuredMode",
+    "Measurement",
+    "Study",
+    "StudyResults",
+    "as_recording",
+    "load_study",
+]

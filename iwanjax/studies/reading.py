@@ -1,0 +1,96 @@
+"""What a study's recordings hold: from memory, or read from their files."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from iwanjax.config import RecordingEntry
+from iwanjax.curves import ModalCurves
+from iwanjax.errors import InputError
+from iwanjax.signals import (
+    ForceLoop,
+    Recording,
+    read_curves,
+    read_force_control,
+    read_loop,
+    read_recordings,
+    read_response_control,
+)
+
+STEPPED: dict[str, Callable[..., ModalCurves]] = {
+    "response_control": read_response_control,
+    "force_control": read_force_control,
+}
+"""Readers of stepped sines, by what is held."""
+
+
+@contextlib.contextmanager
+def blamed(place: str) -> Iterator[None]:
+    """What the library refuses in the block, told as a fault of the place."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
+
+
+def recordings_of(entry: RecordingEntry) -> list[tuple[str, Recording]]:
+    """All time histories of an entry by name, faults told with its place in the study."""
+    if isinstance(entry.data, Recording):
+        return [(entry.name, entry.data)]
+    with blamed(entry.place):
+        found = _read(entry)
+    if len(found) == 1:
+        return [(entry.name, found[0][1])]
+    return [(f"{entry.name}[{i}]", recording) for i, recording in found]
+
+
+def read_modal_curves(entry: RecordingEntry, name: str = "") -> ModalCurves:
+    """Curves of a mode, or what stepped sines say of it, faults told likewise."""
+    if isinstance(entry.data, ModalCurves):
+        return entry.data
+    with blamed(entry.place):
+        if entry.kind in STEPPED:
+            return STEPPED[entry.kind](_file(entry), entry.levels, name=name)
+        return read_curves(_file(entry), name=entry.name)
+
+
+def read_force_loop(entry: RecordingEntry) -> ForceLoop:
+    """A joint's loop, faults told likewise."""
+    if isinstance(entry.data, ForceLoop):
+        return entry.data
+    with blamed(entry.place):
+        return read_loop(_file(entry), name=entry.name)
+
+
+def _file(entry: RecordingEntry) -> Path:
+    # An entry has a file or data of its kind.
+    assert entry.path is not None
+    return entry.path
+
+
+def _read(entry: RecordingEntry) -> list[tuple[int, Recording]]:
+    path, response = _file(entry), entry.response
+    options: dict = {
+        "variable": entry.variable,
+        "sampling_rate": entry.sampling_rate,
+        "quantity": response.quantity or "",
+        "unit": response.unit,
+    }
+    if entry.kind == "free_decay":
+        options["force"] = []
+    elif entry.force is not None:
+        options |= {"force": entry.force.array, "inputs": entry.force.inputs or None}
+    labels = response.channels or response.sensors or None
+    if response.array is not None or not response.channels:
+        found = read_recordings(path, response=response.array, channels=labels, **options)
+    else:
+        try:
+            found = read_recordings(path, response=list(response.channels), **options)
+        except InputError:
+            # A file without names for its channels: the study names them.
+            found = read_recordings(path, channels=labels, **options)
+    indices = range(len(found)) if entry.index is None else entry.index
+    for i in indices:
+        if i >= len(found):
+            raise InputError(f"index {i}: the file holds {len(found)} recording(s), counted from 0")
+    return [(i, found[i]) for i in indices]

@@ -1,0 +1,347 @@
+"""A study: a model, recordings of it, and what can be done with the two."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from iwanjax.config import Data, Measurement, StudySetup, given_study, read_study
+from iwanjax.errors import InputError
+from iwanjax.structures import JointedStructure
+from iwanjax.studies.measured import MeasuredMode, measured_modes
+from iwanjax.studies.results import StudyResults
+from iwanjax.types import ArrayLike
+
+if TYPE_CHECKING:
+    from iwanjax.discrepancy import Diagnosis
+    from iwanjax.dynamics import SimulatedResponse
+    from iwanjax.quasistatic import QsmaSolution
+    from iwanjax.studies.fits import StudyFit
+    from iwanjax.studies.simulations import DrivenJoint
+    from iwanjax.updating import Posterior
+
+_A_STRUCTURE = (
+    "needs a structure, model.file, model.matrices or model.builder; this study has modal"
+)
+_QSMA = (
+    "there is no qsma section; add for instance "
+    "qsma: {modes: [0], alpha: {from: 1e-2, to: 1e+2, count: 50}}"
+)
+_SIMULATE = (
+    "there is no simulate section; add for instance simulate: {name: hit, dt: 1e-3, duration: 1, "
+    "excitation: {type: modal_impact, mode: 0, p: 1}}"
+)
+
+
+def _silent(line: str) -> None:
+    """Progress that nobody asked for."""
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Study:
+    """A model, recordings of it, and what is asked of them; :func:`iwanjax.load_study` reads one.
+
+    No method changes the study or writes a file, unless it is given one. Results come by name,
+    one for each mode, joint or case; ``.only`` is the one of a study that has one.
+
+    Parameters
+    ----------
+    structure : JointedStructure, optional
+        With its joints at their starting values. Without it ``modal`` says which modes there are.
+    recordings : sequence
+        What was measured: each a :class:`iwanjax.Recording` (:func:`iwanjax.as_recording` makes
+        one of arrays and tables), :class:`iwanjax.ModalCurves` or a :class:`iwanjax.ForceLoop`;
+        or an :class:`iwanjax.Measurement` of one, which says more, such as that it is held out.
+    rows, sensors, inputs : mapping of str to (n,) array_like
+        For each name the row ``row @ u``: where a force may be missing (joints are known), what
+        a sensor sees, where a measured force acts. Channels of recordings bear these names.
+    modal : sequence of mapping
+        Modes where no structure is known, as in a study file:
+        ``{"name": "mode1", "band": (90, 150), "joint": {"type": "iwan4"}}``.
+    name : str
+        What results and messages call it.
+    **sections
+        What a study file may say besides, by the same keys and with the same checks: ``modes``,
+        ``bands``, ``bounds``, ``priors``, ``values``, ``fixed``, ``qsma``, ``simulate``,
+        ``ringdown``, ``fit``, ``posterior``, ``noise``, ``hypotheses``, ``budget``, ``seed``.
+
+    Attributes
+    ----------
+    setup : StudySetup
+        All of it, checked.
+
+    Raises
+    ------
+    InputError
+        ``study 'name': key: what arrived; expected ...``, for the first fault.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.arange(4096) / 2048
+    >>> decay = np.exp(-3 * t) * np.cos(2 * np.pi * 118 * t)
+    >>> hit = ij.as_recording(decay, sampling_rate=2048, quantity="velocity", sensors="tip")
+    >>> mode = {"name": "mode1", "band": (90, 150), "joint": {"type": "iwan4"}}
+    >>> study = ij.Study(recordings=[hit], modal=[mode])
+    >>> curves = study.curves().only.curves
+    >>> print(f"{float(curves.frequency[0]):.1f} Hz")
+    118.0 Hz
+    """
+
+    setup: StudySetup
+
+    def __init__(
+        self,
+        structure: JointedStructure | None = None,
+        recordings: Sequence[Data | Measurement] = (),
+        *,
+        rows: Mapping[str, ArrayLike] | None = None,
+        sensors: Mapping[str, ArrayLike] | None = None,
+        inputs: Mapping[str, ArrayLike] | None = None,
+        modal: Sequence[Mapping[str, Any]] = (),
+        name: str = "study",
+        **sections: Any,
+    ) -> None:
+        if structure is not None and modal:
+            raise InputError(f"study {name!r}: got a structure and modal; expected one of them")
+        content: dict[str, Any] = {"name": name, **sections}
+        if structure is None:
+            content["model"] = {"modal": tuple(modal) or None}
+        elif not isinstance(structure, JointedStructure):
+            raise InputError(
+                f"study {name!r}: structure is a {type(structure).__name__}; expected a "
+                "JointedStructure, or modal=[...] where no structure is known"
+            )
+        setup = given_study(
+            structure,
+            recordings,
+            rows=rows or {},
+            sensors=sensors or {},
+            inputs=inputs or {},
+            content=content,
+        )
+        self._set(setup)
+
+    def _set(self, setup: StudySetup) -> None:
+        object.__setattr__(self, "setup", setup)
+
+    @classmethod
+    def of(cls, setup: StudySetup) -> Self:
+        """The study of what has been checked already."""
+        study = cls.__new__(cls)
+        study._set(setup)
+        return study
+
+    @property
+    def name(self) -> str:
+        """What results call it."""
+        return self.setup.name
+
+    @property
+    def structure(self) -> JointedStructure | None:
+        """The structure with its joints at their starting values; None for single modes."""
+        return self.setup.structure
+
+    def __repr__(self) -> str:
+        setup = self.setup
+        if setup.structure is None:
+            model = f"modes {', '.join(mode.name for mode in setup.modal)}"
+        else:
+            joints = ", ".join(setup.structure.labels) or "no joints"
+            model = f"{setup.structure.structure.size} coordinates with {joints}"
+        return f"Study({setup.name!r}: {model}; {len(setup.recordings)} recording(s))"
+
+    def with_structure(self, structure: JointedStructure) -> Self:
+        """The same study of a structure with other joints or matrices, for instance fitted ones.
+
+        Raises
+        ------
+        InputError
+            For a study of single modes, another size or joints of other names.
+        """
+        return self.of(self.setup.with_structure(structure))
+
+    def curves(self) -> StudyResults[MeasuredMode]:
+        """Frequency and damping of each mode against amplitude, as the recordings have them.
+
+        Returns
+        -------
+        StudyResults of MeasuredMode
+            ``curves["mode1"].curves`` is a mode's one curve, ``.hits`` are those behind it.
+
+        Raises
+        ------
+        InputError
+            With the recording's place in the study, for what cannot be read or analysed, and
+            where nothing is left to fit.
+        """
+        return StudyResults({mode.name: mode for mode in measured_modes(self.setup)})
+
+    def fit(self, curves: StudyResults[MeasuredMode] | None = None) -> StudyResults["StudyFit"]:
+        """Joints and damping by the curves, with deviations; recordings held out are predicted.
+
+        Parameters
+        ----------
+        curves : StudyResults of MeasuredMode, optional
+            Of :meth:`curves`, where they are at hand.
+
+        Returns
+        -------
+        StudyResults of StudyFit
+            By the name of each single mode, or of the study for its structure.
+
+        Raises
+        ------
+        InputError
+            As :meth:`curves` and :func:`iwanjax.fit`.
+        """
+        from iwanjax.studies.fits import fits_of
+
+        modes = tuple((self.curves() if curves is None else curves).values())
+        return StudyResults({fit.name: fit for fit in fits_of(self.setup, modes)})
+
+    def posterior(
+        self,
+        fits: StudyResults["StudyFit"] | None = None,
+        *,
+        chains: Mapping[str, Path] | None = None,
+        progress: bool = False,
+    ) -> StudyResults["Posterior"]:
+        """What the recordings say of the parameters, sampled from the fits on.
+
+        Parameters
+        ----------
+        fits : StudyResults of StudyFit, optional
+            Of :meth:`fit`, where they are at hand.
+        chains : mapping of str to Path, optional
+            For the name of a fit a file that its chain is kept in while it grows: called again
+            with the same file, an interrupted walk goes on.
+        progress : bool
+            Whether to show a bar on stderr.
+
+        Raises
+        ------
+        InputError
+            As :meth:`fit` and :func:`iwanjax.sample_posterior`.
+        """
+        from iwanjax.updating.sampling import sample_posterior
+
+        kept = chains or {}
+        return StudyResults(
+            {
+                name: sample_posterior(
+                    fit.solution,
+                    **self.setup.posterior.model_dump(),
+                    file=kept.get(name),
+                    progress=progress,
+                )
+                for name, fit in (self.fit() if fits is None else fits).items()
+            }
+        )
+
+    def simulate(self, *names: str) -> StudyResults["SimulatedResponse | DrivenJoint"]:
+        """The cases of the ``simulate`` section in time.
+
+        Parameters
+        ----------
+        *names : str
+            Cases; all of them by default.
+
+        Raises
+        ------
+        InputError
+            Without a structure or cases, for an unknown name, and as :func:`iwanjax.simulate`.
+        """
+        from iwanjax.studies.simulations import simulated
+
+        self._structure("simulate")
+        cases = StudyResults({case.name: case for case in self.setup.simulate})
+        if not cases:
+            raise InputError(f"{self.setup.label}: {_SIMULATE}")
+        found, seconds = {}, {}
+        for name in names or cases:
+            start = time.perf_counter()
+            found[name] = simulated(cases[name])
+            seconds[name] = time.perf_counter() - start
+        return StudyResults(found, seconds)
+
+    def qsma(self) -> "QsmaSolution":
+        """Frequency and damping of each mode of the ``qsma`` section, from the model.
+
+        Raises
+        ------
+        InputError
+            Without a structure or that section, and as :func:`iwanjax.qsma`.
+        """
+        from iwanjax.quasistatic import qsma
+
+        structure, settings = self._structure("qsma"), self.setup.qsma
+        if settings is None:
+            raise InputError(f"{self.setup.label}: {_QSMA}")
+        return qsma(
+            structure,
+            list(settings.modes),
+            settings.levels,
+            settings.damping,
+            frequency=settings.frequency,
+            shape=settings.shape,
+        )
+
+    def diagnose(
+        self, *, budget: float | None = None, progress: Callable[[str], None] = _silent
+    ) -> StudyResults["Diagnosis"]:
+        """What the model is missing, by all that was measured.
+
+        The kind of data decides how: time histories judge the structure in time, curves its
+        modes, loops a joint on its own; without structure each mode is judged by its curves.
+
+        Parameters
+        ----------
+        budget : float, optional
+            Time to spend, s; the study's own by default.
+        progress : function
+            Told of every stage, in a line.
+
+        Returns
+        -------
+        StudyResults of Diagnosis
+            By the name of the study for its structure, of each joint, or of each single mode.
+
+        Raises
+        ------
+        InputError
+            As :func:`iwanjax.diagnose`, :func:`iwanjax.diagnose_modes`,
+            :func:`iwanjax.diagnose_loops` and :func:`iwanjax.diagnose_curves`.
+        """
+        from iwanjax.studies.diagnoses import diagnosed
+
+        return StudyResults(diagnosed(self.setup, budget, progress))
+
+    def _structure(self, verb: str) -> JointedStructure:
+        if self.setup.structure is None:
+            raise InputError(f"{self.setup.label}: {verb} {_A_STRUCTURE}")
+        return self.setup.structure
+
+
+def load_study(path: str | Path) -> Study:
+    """Read a study file and the model it names; recordings are opened when they are needed.
+
+    Parameters
+    ----------
+    path : str or Path
+        A YAML file; ``configs/modal_ringdown.yaml`` is one to copy, with every key explained.
+
+    Raises
+    ------
+    InputError
+        ``file:line: key: what arrived; expected ...`` in one line, for the first fault.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.load_study("configs/three_mass.yaml")
+    Study('three_mass': 3 coordinates with J1; 0 recording(s))
+    """
+    return Study.of(read_study(path))
