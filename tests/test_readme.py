@@ -50,9 +50,10 @@ def test_its_simulated_hit_decays_as_the_joint_was_fitted(first):
     velocity = first["decay"].velocity[:, 0]
     found = ij.ringdown_curves(velocity, 2048.0, band=(90.0, 150.0), quantity="velocity")
     there = found.as_quantity("displacement")
-    f, zeta = first["fit"].solution.model.ringdown_frequency_and_damping(there.amplitude)
-    # A cycle's loss is that of its own amplitude only to first order of the decay.
-    assert_allclose(found.frequency, f, atol=2e-3)
+    model = first["fit"].solution.model
+    f, zeta = model.ringdown_frequency_and_damping(there.amplitude)
+    # 35 steps in a cycle are off by 0.4 % of the frequency's fall, 70 by 0.1 %.
+    assert_allclose((model.f_0 - found.frequency) / (model.f_0 - f), 1.0, atol=5e-3)
     assert_allclose(found.damping, zeta, rtol=0.01)
 
 

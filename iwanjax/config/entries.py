@@ -50,20 +50,24 @@ def measured_entries(
     source: Source, given: Sequence[Data | Measurement], names: Names
 ) -> tuple[RecordingEntry, ...]:
     """Hold recordings in memory against the model."""
+    measurements = [each if isinstance(each, Measurement) else Measurement(each) for each in given]
+    labels = [each.name or getattr(each.data, "name", "") or "recording" for each in measurements]
     found = []
-    for i, each in enumerate(given):
-        measurement = each if isinstance(each, Measurement) else Measurement(each)
-        raw = _as_section(source, ("recordings", i), measurement, names)
+    for i, (each, label) in enumerate(zip(measurements, labels, strict=True)):
+        # Results go by name.
+        name = label if labels.count(label) == 1 else f"{label}[{i}]"
+        raw = _as_section(source, ("recordings", i), each, name, names)
         section = source.validated(RecordingSection, raw, ("recordings", i))
-        found.append(_entry(source, i, section, names, measurement.data))
+        found.append(_entry(source, i, section, names, each.data))
     return tuple(found)
 
 
-def _as_section(source: Source, place: Place, given: Measurement, names: Names) -> dict[str, Any]:
+def _as_section(
+    source: Source, place: Place, given: Measurement, name: str, names: Names
+) -> dict[str, Any]:
     """What a file would say of a recording in memory."""
     data = given.data
-    said: dict[str, Any] = {"use": given.use, "name": given.name or getattr(data, "name", "")}
-    said["file"] = said["name"] = said["name"] or f"recording {place[-1]}"
+    said: dict[str, Any] = {"file": name, "name": name, "use": given.use}
     for key in ("mode", "joint", "start", "end"):
         if getattr(given, key) is not None:
             said[key] = getattr(given, key)

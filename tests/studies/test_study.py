@@ -212,3 +212,14 @@ def test_arrays_and_tuples_are_what_lists_are_in_a_file():
     assert study.setup.bands == {0: (0.05, 0.09)}
     ranged = chain(qsma={**QSMA, "alpha": {"from": 1e-2, "to": 1.0, "count": 12}})
     assert_allclose(study.setup.qsma.levels, ranged.setup.qsma.levels)
+
+
+def test_recordings_without_names_are_told_apart():
+    decay = hits()[0]
+    unnamed = [ij.as_recording(decay.response, sampling_rate=2048.0) for _ in range(2)]
+    study = ij.Study(recordings=[*unnamed, ij.Measurement(decay, name="last")], modal=[MODE])
+    assert [each.name for each in study.setup.recordings] == [
+        "recording[0]",
+        "recording[1]",
+        "last",
+    ]
