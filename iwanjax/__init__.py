@@ -115,14 +115,7 @@ if TYPE_CHECKING:
     from iwanjax.structures.full_model import check_reduction
     from iwanjax.structures.reduced_model import ReducedModel
     from iwanjax.structures.reduction import craig_bampton
-    from iwanjax.studies import (
-        Measurement,
-        Study,
-        StudyResults,
-        as_recording,
-        load_study,
-    )
-    from iwanjax.studies.fits import StudyFit
+    from iwanjax.studies import Measurement, Study, as_recording, load_study
     from iwanjax.updating import (
         Exponents,
         FitSolution,
@@ -150,8 +143,6 @@ __version__ = "0.1.0"
 _LATER = {
     "Measurement": "iwanjax.studies",
     "Study": "iwanjax.studies",
-    "StudyFit": "iwanjax.studies.fits",
-    "StudyResults": "iwanjax.studies",
     "as_recording": "iwanjax.studies",
     "load_study": "iwanjax.studies",
     "Diagnosis": "iwanjax.discrepancy",
@@ -288,8 +279,6 @@ __all__ = [
     "RingDown",
     "SimulatedResponse",
     "Study",
-    "StudyFit",
-    "StudyResults",
     "Tabulated",
     "Term",
     "Uniform",

@@ -246,6 +246,10 @@ def _rows(
     """Named rows that fit the structure."""
     n = structure.structure.size
     found = {}
+    if not isinstance(given, Mapping):
+        raise source.error(
+            (kind,), f"got a {type(given).__name__}; expected a mapping of names to rows ({n},)"
+        )
     for label, row in given.items():
         with source.blamed(kind, label):
             found[label] = finite_array(row, "the row")

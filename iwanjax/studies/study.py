@@ -49,14 +49,14 @@ class Study:
     ----------
     structure : JointedStructure, optional
         With its joints at their starting values. Without it ``modal`` says which modes there are.
-    recordings : sequence
+    recordings : sequence, or a single one
         What was measured: each a :class:`iwanjax.Recording` (:func:`iwanjax.as_recording` makes
         one of arrays and tables), :class:`iwanjax.ModalCurves` or a :class:`iwanjax.ForceLoop`;
         or an :class:`iwanjax.Measurement` of one, which says more, such as that it is held out.
     rows, sensors, inputs : mapping of str to (n,) array_like
         For each name the row ``row @ u``: where a force may be missing (joints are known), what
         a sensor sees, where a measured force acts. Channels of recordings bear these names.
-    modal : sequence of mapping
+    modal : sequence of mapping, or a single one
         Modes where no structure is known, as in a study file:
         ``{"name": "mode1", "band": (90, 150), "joint": {"type": "iwan4"}}``.
     name : str
@@ -95,12 +95,12 @@ class Study:
     def __init__(
         self,
         structure: JointedStructure | None = None,
-        recordings: Sequence[Data | Measurement] = (),
+        recordings: Sequence[Data | Measurement] | Data | Measurement = (),
         *,
         rows: Mapping[str, ArrayLike] | None = None,
         sensors: Mapping[str, ArrayLike] | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
-        modal: Sequence[Mapping[str, Any]] = (),
+        modal: Sequence[Mapping[str, Any]] | Mapping[str, Any] = (),
         name: str = "study",
         **sections: Any,
     ) -> None:
@@ -108,7 +108,8 @@ class Study:
             raise InputError(f"study {name!r}: got a structure and modal; expected one of them")
         content: dict[str, Any] = {"name": name, **sections}
         if structure is None:
-            content["model"] = {"modal": tuple(modal) or None}
+            modes = [modal] if isinstance(modal, Mapping) else list(modal)
+            content["model"] = {"modal": modes or None}
         elif not isinstance(structure, JointedStructure):
             raise InputError(
                 f"study {name!r}: structure is a {type(structure).__name__}; expected a "
@@ -116,10 +117,10 @@ class Study:
             )
         setup = given_study(
             structure,
-            recordings,
-            rows=rows or {},
-            sensors=sensors or {},
-            inputs=inputs or {},
+            [recordings] if isinstance(recordings, Data | Measurement) else recordings,
+            rows={} if rows is None else rows,
+            sensors={} if sensors is None else sensors,
+            inputs={} if inputs is None else inputs,
             content=content,
         )
         self._set(setup)

@@ -1,6 +1,7 @@
 """Recordings from arrays and tables: the only place that knows of pandas and xarray."""
 
 from collections.abc import Sequence
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,8 +75,8 @@ def as_recording(
     motion = _named(_table(response, "response", name), sensors, "sensors", "s", name)
     time = motion.time
     if sampling_rate is not None:
-        if not 0.0 < sampling_rate < np.inf:
-            raise InputError(f"{name}: sampling_rate = {sampling_rate}; expected positive Hz")
+        if not isinstance(sampling_rate, Real) or not 0.0 < sampling_rate < np.inf:
+            raise InputError(f"{name}: sampling_rate = {sampling_rate!r}; expected positive Hz")
         time = np.arange(len(motion.values)) / sampling_rate
     if time is None:
         raise InputError(f"{name}: response brings no times; give sampling_rate, in Hz")
@@ -97,11 +98,17 @@ def _table(given: Any, what: str, name: str) -> _Table:
         time, names = (*known, None, None)[:2]
     elif hasattr(given, "index") and hasattr(given, "to_numpy"):
         time, names = given.index, getattr(given, "columns", None)
-    values = _array(given)
+    try:
+        values = _array(given)
+    except TypeError as error:
+        raise InputError(f"{name}: {what}: {error}; expected one array or table") from None
     if values.ndim == 1:
         values = values[:, None]
     if values.ndim != 2:
-        raise InputError(f"{name}: {what} has shape {values.shape}; expected (N,) or (N, columns)")
+        raise InputError(
+            f"{name}: {what}, a {type(given).__name__}, has shape {values.shape}; expected (N,) or "
+            "(N, columns)"
+        )
     labels = None if names is None else tuple(map(str, _array(names)))
     return _Table(values, labels, None if time is None else _seconds(_array(time), name))
 
@@ -110,7 +117,8 @@ def _array(given: Any) -> np.ndarray:
     """The values of an array, a column or a table."""
     if hasattr(given, "to_numpy"):
         return given.to_numpy()
-    return np.asarray(getattr(given, "values", given))
+    values = getattr(given, "values", given)
+    return np.asarray(given if callable(values) else values)
 
 
 def _seconds(time: np.ndarray, name: str) -> np.ndarray | None:

@@ -1,1 +1,1 @@
-"""What the command line's verbs do with a study: compute, and write numbers and pictures."""
+"""The command line's verbs: they call a study and write what it returns."""

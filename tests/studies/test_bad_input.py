@@ -51,6 +51,10 @@ BAD = {
         lambda: ij.Study(CHAIN, sensors={"a1": [1, 0]}),
         ["sensors.a1: got shape (2,)", "(3,)"],
     ),
+    "rows without names": (
+        lambda: ij.Study(CHAIN, sensors=np.eye(3)),
+        ["sensors: got a ndarray", "mapping of names to rows (3,)"],
+    ),
     "row with NaN": (lambda: ij.Study(CHAIN, inputs={"m1": [np.nan, 0, 0]}), ["inputs.m1", "NaN"]),
     "an array": (
         lambda: on_chain(DECAY),

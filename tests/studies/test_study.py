@@ -214,6 +214,16 @@ def test_arrays_and_tuples_are_what_lists_are_in_a_file():
     assert_allclose(study.setup.qsma.levels, ranged.setup.qsma.levels)
 
 
+def test_a_single_one_needs_no_list():
+    one, other = (
+        ij.Study(recordings=given, modal=mode)
+        for given, mode in (([hits()[0]], [MODE]), (hits()[0], MODE))
+    )
+    assert one.setup.modal == other.setup.modal
+    (first,), (second,) = one.setup.recordings, other.setup.recordings
+    assert (first.name, first.modes) == (second.name, second.modes) == ("hit1.npz", ("mode1",))
+
+
 def test_recordings_without_names_are_told_apart():
     decay = hits()[0]
     unnamed = [ij.as_recording(decay.response, sampling_rate=2048.0) for _ in range(2)]

@@ -112,6 +112,11 @@ def test_xarray_itself():
 TABLE = Frame(X, ["a1", "a2"], T)
 BAD = {
     "no rate": (lambda: ij.as_recording(X), "brings no times; give sampling_rate"),
+    "rate in words": (lambda: ij.as_recording(X, sampling_rate="2 kHz"), "'2 kHz'; expected pos"),
+    "a mapping": (
+        lambda: ij.as_recording({"a1": X[:, 0]}, sampling_rate=RATE),
+        r"response, a dict, has shape \(\)",
+    ),
     "negative rate": (lambda: ij.as_recording(X, sampling_rate=-1.0), "positive Hz"),
     "names for one": (
         lambda: ij.as_recording(X, sampling_rate=RATE, sensors="a1"),
@@ -124,7 +129,7 @@ BAD = {
     ),
     "three axes": (
         lambda: ij.as_recording(np.zeros((9, 9, 9)), sampling_rate=1.0),
-        r"shape \(9, 9, 9\); expected \(N,\)",
+        r"a ndarray, has shape \(9, 9, 9\); expected \(N,\)",
     ),
     "times in words": (
         lambda: ij.as_recording(Frame(X, ["a1", "a2"], np.array(["now"] * len(T)))),
