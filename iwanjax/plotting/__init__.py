@@ -18,17 +18,16 @@ from iwanjax.plotting.diagnosis import (
     plot_restoring,
 )
 from iwanjax.plotting.explained import plot_explained
-from iwanjax.plotting.fit import plot_fit
+from iwanjax.plotting.fit import plot_fit, plot_study_fit
 from iwanjax.plotting.joints import plot_joint
 from iwanjax.plotting.linear import plot_linear
 from iwanjax.plotting.loops import plot_loops
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.quasistatic import plot_qsma
-from iwanjax.plotting.ringdown import plot_merged, plot_ringdown
+from iwanjax.plotting.ringdown import plot_measured, plot_merged, plot_ringdown
 from iwanjax.plotting.shapes import plot_assurance, plot_shapes, plot_strokes
 from iwanjax.plotting.single_mode import plot_decays, plot_modes
-from iwanjax.plotting.studies import plot_driven, plot_measured, plot_study_fit
-from iwanjax.plotting.transient import plot_hysteresis, plot_transient
+from iwanjax.plotting.transient import plot_driven, plot_hysteresis, plot_transient
 from iwanjax.quasistatic import QsmaSolution
 from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves

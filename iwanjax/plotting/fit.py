@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -39,6 +39,7 @@ from iwanjax.plotting.style import (
 from iwanjax.quasistatic.modal import ModalOscillator
 
 if TYPE_CHECKING:
+    from iwanjax.studies.fits import StudyFit
     from iwanjax.updating.solution import FitSolution
 
 MEASURED, MODEL, HELD_OUT = PALETTE[0], PALETTE[1], PALETTE[2]
@@ -371,3 +372,9 @@ def _check(solution: "FitSolution", held_out: Sequence[ModalCurves]) -> None:
                 f"plot_fit: a held-out hit is called {each.name!r}, the modes that were fitted "
                 f"are called {', '.join(names)}"
             )
+
+
+def plot_study_fit(fit: "StudyFit", **options: Any) -> Figure:
+    """A fit of a study with the curves that it has not seen; options of :func:`plot_fit`."""
+    held_out = [row.curves for row in fit.held_out if row.curves is not None]
+    return plot_fit(fit.solution, held_out, **options)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -17,10 +18,12 @@ from iwanjax.plotting.curves import (
     amplitude_label,
     draw_curves,
     frequency_label,
+    plot_curves,
 )
 from iwanjax.plotting.style import GREY, PALETTE, SINGLE_COLUMN, paper_style, set_up
 from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
+from iwanjax.studies import MeasuredMode
 
 _LIGHT, _UNUSED = "0.7", "0.9"
 # More samples than this make a vector graphic slow and look no different.
@@ -253,3 +256,10 @@ def _draw_deviations(ax: Axes, merged: MergedCurves) -> None:
             share = np.where(deviation > 0, deviation / value, np.nan)
             ax.plot(amplitude, share, color=color, linestyle=style)
     ax.set(xscale="log", yscale="log")
+
+
+def plot_measured(mode: MeasuredMode, **options: Any) -> Figure:
+    """A mode's recordings and their common curve; options of :func:`plot_merged`, or of curves."""
+    if mode.merged is not None:
+        return plot_merged(mode.merged, **options)
+    return plot_curves([hit.curves for hit in (*mode.hits, *mode.held_out)], **options)

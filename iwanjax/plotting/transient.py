@@ -1,6 +1,7 @@
 """A simulation in time: responses, joint forces against deflection, energies."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import matplotlib.pyplot as plt
@@ -22,6 +23,9 @@ from iwanjax.plotting.style import (
     with_unit,
 )
 from iwanjax.types import ArrayLike, as_real
+
+if TYPE_CHECKING:
+    from iwanjax.studies.simulations import DrivenJoint
 
 _RESPONSES = ("displacement", "velocity", "acceleration")
 _RATES = {"displacement": "", "velocity": "/s", "acceleration": "/s²"}
@@ -297,3 +301,10 @@ def _draw_energies(ax: Axes, time: np.ndarray, energy: Energies) -> None:
         if np.any(value):
             _draw_history(ax, time, np.asarray(value), color, label)
     _legend_above(ax, len(rows))
+
+
+def plot_driven(driven: "DrivenJoint", **options: Any) -> Figure:
+    """A joint's loops; options of :func:`plot_hysteresis`."""
+    # Virgin curve and steady loop are quasi-static.
+    joint = None if driven.joint.discrete().rate_dependent else driven.joint
+    return plot_hysteresis(driven.d, driven.force, joint, amplitude=driven.amplitude, **options)

@@ -12,8 +12,11 @@ from iwanjax.config import StudySetup
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import ModalOscillator
+from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure, oscillator
 from iwanjax.studies.measured import MeasuredMode
+from iwanjax.studies.results import under_name
+from iwanjax.tables import Block
 from iwanjax.updating import (
     Exponents,
     FitSolution,
@@ -51,7 +54,7 @@ class HeldOut(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class StudyFit:
+class StudyFit(AbstractResult):
     """One fit of a study: of one mode, or of a structure to all its modes.
 
     Attributes
@@ -87,11 +90,11 @@ class StudyFit:
         assert isinstance(model, ModalOscillator)
         return oscillator(stiffness=float(model.K_inf), joint=model.joint, zeta=float(model.zeta_0))
 
-    def summary(self) -> str:
+    def _blocks(self) -> tuple[Block, ...]:
         """The fit, the power laws of its curves, and how recordings held out are predicted."""
-        lines = [f"{self.name}: {self.solution.summary()}"]
+        lines = []
         if self.exponents is not None:
-            lines += ["", self.exponents.statement() + ".", self.exponents.law() + "."]
+            lines += [self.exponents.statement() + ".", self.exponents.law() + "."]
         for row in self.held_out:
             line = (
                 f"held out {row.name}: predicted within {row.frequency_error:.2g} Hz and "
@@ -103,7 +106,8 @@ class StudyFit:
                     f"{row.damping_repeatability:.2g} %"
                 )
             lines.append(line)
-        return "\n".join([*lines, f"fitted in {self.seconds:.1f} s, compilation included"])
+        lines.append(f"fitted in {self.seconds:.1f} s, compilation included")
+        return *under_name(self.name, self.solution._blocks()), "\n".join(lines)
 
 
 def fits_of(study: StudySetup, modes: Sequence[MeasuredMode]) -> tuple[StudyFit, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.results import AbstractResult
 from iwanjax.signals import (
     MergedCurves,
     Recording,
@@ -17,6 +18,7 @@ from iwanjax.signals import (
     ringdown,
 )
 from iwanjax.studies.reading import STEPPED, blamed, read_modal_curves, recordings_of
+from iwanjax.tables import Block
 
 # Where a mode of a structure is looked for, as share of its frequency, unless neighbours are
 # nearer; and how far a force has fallen, as share of its peak, when the contact is over.
@@ -27,7 +29,7 @@ _GIVING = ("free_decay", "transient", "curves", *STEPPED)
 
 
 @dataclass(frozen=True, eq=False)
-class Hit:
+class Hit(AbstractResult):
     """One recording's curves of one mode.
 
     Attributes
@@ -46,7 +48,7 @@ class Hit:
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredMode:
+class MeasuredMode(AbstractResult):
     """All that the recordings say of one mode.
 
     Attributes
@@ -85,7 +87,7 @@ class MeasuredMode:
             return self.merged.curves
         return max((hit.curves for hit in self.hits), key=lambda curves: curves.amplitude.size)
 
-    def summary(self) -> str:
+    def _blocks(self) -> tuple[Block, ...]:
         """Amplitudes, frequency and damping, repeatability and what was left out, in lines."""
         common = self.curves
         a, f, z = (np.asarray(x) for x in (common.amplitude, common.frequency, common.damping))
@@ -106,7 +108,7 @@ class MeasuredMode:
                 f"{self.name}: at equal amplitude the recordings lie {f_rms:.2g} Hz and "
                 f"{100 * z_rms:.2g} % damping (rms) about their mean"
             )
-        return "\n".join([*lines, *(f"{self.name}: left out {why}" for why in self.skipped)])
+        return ("\n".join([*lines, *(f"{self.name}: left out {why}" for why in self.skipped)]),)
 
 
 def measured_modes(study: StudySetup) -> tuple[MeasuredMode, ...]:

@@ -6,12 +6,14 @@ from typing import Any, Generic, TypeVar
 
 from iwanjax.errors import InputError
 from iwanjax.files import nearest
+from iwanjax.results import AbstractResult
+from iwanjax.tables import Block
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StudyResults(Mapping[str, T], Generic[T]):
+class StudyResults(AbstractResult, Mapping[str, T], Generic[T]):
     """What a method of a study returns: its results by name, in the study's order.
 
     Attributes
@@ -74,17 +76,25 @@ class StudyResults(Mapping[str, T], Generic[T]):
             raise InputError(f"there are {len(self)} results: {', '.join(self)}; take one by name")
         return next(iter(self.by_name.values()))
 
-    def summary(self) -> str:
-        """Every result in words and numbers."""
-        return "\n\n".join(_words(name, result) for name, result in self.by_name.items())
+    def _blocks(self) -> tuple[Block, ...]:
+        return tuple(block for name, each in self.items() for block in _told(name, each))
 
     def __repr__(self) -> str:
         kinds = ", ".join(f"{name}: {type(each).__name__}" for name, each in self.by_name.items())
         return f"StudyResults({kinds})"
 
 
-def _words(name: str, result: Any) -> str:
-    """A result's own summary or statement, headed by its name."""
-    tell = getattr(result, "summary", None) or getattr(result, "statement", None)
-    told = tell() if tell is not None else repr(result)
-    return told if told.startswith(f"{name}:") else f"{name}: {told}"
+def _told(name: str, result: Any) -> tuple[Block, ...]:
+    """What a result says of itself, under its name."""
+    if isinstance(result, AbstractResult):
+        return under_name(name, result._blocks())
+    tell = getattr(result, "statement", None)
+    return under_name(name, (repr(result) if tell is None else tell(),))
+
+
+def under_name(name: str, blocks: tuple[Block, ...]) -> tuple[Block, ...]:
+    """Blocks of which the first begins with a name."""
+    first, *others = blocks
+    if not isinstance(first, str):
+        return f"{name}:", *blocks
+    return first if first.startswith(f"{name}:") else f"{name}: {first}", *others

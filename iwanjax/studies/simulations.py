@@ -23,13 +23,14 @@ from iwanjax.dynamics import SimulatedResponse, half_sine, modal_input, ramp, si
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, hysteresis
 from iwanjax.joints.hysteresis import last_amplitude
+from iwanjax.results import AbstractResult
 from iwanjax.signals import read_recording
 from iwanjax.studies.reading import blamed
 from iwanjax.types import ArrayLike
 
 
 @dataclass(frozen=True, eq=False)
-class DrivenJoint:
+class DrivenJoint(AbstractResult):
     """A joint's force along a history of deflections, (N,) each.
 
     Attributes

@@ -5,10 +5,12 @@ from iwanjax.studies import StudyResults
 
 
 class Told:
+    """Of a verdict."""
+
     def __init__(self, text):
         self.text = text
 
-    def summary(self):
+    def statement(self):
         return self.text
 
 

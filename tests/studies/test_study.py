@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import iwanjax as ij
 from iwanjax.errors import InputError
+from iwanjax.studies import StudyResults
 
 ROOT = Path(__file__).resolve().parents[2]
 HITS = ROOT / "configs" / "modal_ringdown"
@@ -233,3 +235,23 @@ def test_recordings_without_names_are_told_apart():
         "recording[1]",
         "last",
     ]
+
+
+def test_results_are_shown_saved_and_loaded(fits, tmp_path):
+    assert "<table" in fits[0]._repr_html_()
+    fits[0].save(tmp_path / "fits.npz")
+    again = StudyResults.load(tmp_path / "fits.npz")
+    assert again.only.solution.values == fits[0].only.solution.values
+    assert again.summary() == fits[0].summary()
+    curves = modal().curves()
+    curves.save(tmp_path / "curves.npz")
+    mode = StudyResults.load(tmp_path / "curves.npz")["mode1"]
+    assert mode.summary() == curves.summary()
+    assert curves.to_dict()["by_name"]["mode1"]["band"] == [90.0, 150.0]
+
+
+def test_a_result_draws_itself(fits, simulated):
+    for result in (modal().curves(), fits[0], simulated["loop"]):
+        figure = result.plot()
+        assert figure.axes
+        plt.close(figure)
