@@ -10,6 +10,7 @@ from iwanjax.dynamics.propagator import Method
 from iwanjax.dynamics.transient import simulate
 from iwanjax.errors import InputError
 from iwanjax.joints.sliders import SLIDERS
+from iwanjax.results import AbstractResult
 from iwanjax.signals.filters import analytic_signal, band_pass_gain
 from iwanjax.signals.hilbert import RingDown, ringdown
 from iwanjax.structures import JointedStructure, modal_assurance
@@ -29,7 +30,7 @@ _ORDER = 3
 
 
 @dataclass(frozen=True, eq=False)
-class ModalDecays:
+class ModalDecays(AbstractResult):
     """Result of :func:`iwanjax.modal_decays`.
 
     Attributes
@@ -60,6 +61,8 @@ class ModalDecays:
     reasons: tuple[tuple[str, ...], ...]
     bands: tuple[tuple[float, float], ...]
     modes: tuple[int, ...]
+
+    _shown = ("time", "velocity", "envelope", "modes")
 
 
 def modal_decays(

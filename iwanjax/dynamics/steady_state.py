@@ -17,6 +17,7 @@ from iwanjax.dynamics.steady_control import ForceControl, ResponseControl
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.joints.sliders import SLIDERS
+from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike, as_real, is_traced, require_double_precision
@@ -35,7 +36,7 @@ TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class HarmonicResponse:
+class HarmonicResponse(AbstractResult):
     """Steady states over levels and frequencies.
 
     Complex arrays are Fourier coefficients, x(t) = Re sum_h X_h exp(i h omega t). What could
@@ -67,6 +68,17 @@ class HarmonicResponse:
     joint_force: Array = field(repr=False)
     balanced: Array
     labels: tuple[str, ...]
+
+    _shown = (
+        "omega",
+        "force",
+        "harmonics",
+        "displacement",
+        "joint_deflection",
+        "joint_force",
+        "balanced",
+        "labels",
+    )
 
     def fundamental(self, quantity: Quantity = "displacement") -> Array:
         """First harmonic of a quantity at the sensors, (..., sensors) complex.

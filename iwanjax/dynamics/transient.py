@@ -19,6 +19,7 @@ from iwanjax.dynamics.propagator import Method
 from iwanjax.dynamics.stepping import has_fast_modes
 from iwanjax.errors import AccuracyError, InputError
 from iwanjax.joints.sliders import SLIDERS
+from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, as_real, is_traced, require_double_precision
 
@@ -40,7 +41,7 @@ _MOST_REFINED = 64
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedResponse:
+class SimulatedResponse(AbstractResult):
     """Result of :func:`iwanjax.simulate`.
 
     Attributes
@@ -83,6 +84,22 @@ class SimulatedResponse:
     substeps: int
     labels: tuple[str, ...]
     method: Method
+
+    # Lengths, masses and forces are in the units of the matrices, whatever these are.
+    _shown = (
+        "time",
+        "displacement",
+        "velocity",
+        "acceleration",
+        "joint_force",
+        "joint_deflection",
+        "balanced",
+        "error",
+        "imbalance",
+        "substeps",
+        "labels",
+        "method",
+    )
 
 
 def simulate(
