@@ -66,9 +66,12 @@ help: ## list the targets
 
 env: $(TEST) ## make or refresh .venv with all that demo, test and notebooks need
 
-demo: $(CORE) ## from hammer hits to a fitted joint and its report in results/
+demo: $(CORE) ## two reports in results/: a joint fitted to hammer hits, and what a model lacks
 	@$(BIN)/iwanjax curves configs/modal_ringdown.yaml --out results/modal_ringdown
+	@$(BIN)/iwanjax diagnose configs/concealed_spring.yaml --out results/concealed_spring
 	@$(BIN)/iwanjax fit configs/modal_ringdown.yaml --out results/modal_ringdown
+	@echo "what a model lacks: results/concealed_spring/report.html"
+	@echo "a fitted joint:     results/modal_ringdown/report.html"
 
 test: lint ## check style and types, then run the tests
 	$(BIN)/pytest -n 2 --dist worksteal
