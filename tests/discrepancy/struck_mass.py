@@ -9,7 +9,7 @@ import numpy as np
 
 import iwanjax as ij
 from iwanjax.discrepancy.effects import CATALOGUE, ForceKind, Kind
-from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem

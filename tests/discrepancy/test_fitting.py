@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import iwanjax as ij
 from iwanjax.discrepancy.evidence import correlation_time
-from iwanjax.discrepancy.histories.kernels import Joint, joints_at, located
+from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at, located
 from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, Layout, step_within
 from iwanjax.discrepancy.histories.linearise import Linearisation
 from iwanjax.discrepancy.histories.predictor import Suspects

@@ -16,7 +16,7 @@ from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.columns import columns_at_rest
 from iwanjax.discrepancy.histories.conditioning import conditioned
 from iwanjax.discrepancy.histories.innovations import DELAY_NODES, chain, change_by_delay
-from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.linearise import innovations, linearise, residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.discrepancy.histories.noise import common_noise

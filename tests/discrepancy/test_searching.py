@@ -17,7 +17,7 @@ from iwanjax.discrepancy.histories import restarts, selection
 from iwanjax.discrepancy.histories.conditioning import _finer
 from iwanjax.discrepancy.histories.hypotheses import JointStart, force, with_joint, with_stiction
 from iwanjax.discrepancy.histories.joint_faults import without_the_other
-from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, Layout
 from iwanjax.discrepancy.histories.linearise import Linearisation, linearise, residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, alike, multistart

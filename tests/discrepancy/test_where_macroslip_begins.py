@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import iwanjax as ij
 from iwanjax.discrepancy.effects import CATALOGUE
 from iwanjax.discrepancy.histories.conditioning import conditioned
-from iwanjax.discrepancy.histories.kernels import Joint, joints_at
+from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at
 from iwanjax.discrepancy.histories.macroslip import _beyond, alternatives, in_the_middle
 from iwanjax.discrepancy.histories.multistart import multistart
 from iwanjax.discrepancy.histories.predictor import predictor

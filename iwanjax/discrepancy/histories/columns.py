@@ -12,7 +12,8 @@ from jaxtyping import Array
 from iwanjax.discrepancy.effects import ForceKind, Kind, SensorKind
 from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.innovations import LONGEST_DELAY, change_by_delay
-from iwanjax.discrepancy.histories.kernels import Joint, Small, responses, unit_forces
+from iwanjax.discrepancy.histories.joint_priors import Joint
+from iwanjax.discrepancy.histories.kernels import Small, responses, unit_forces
 from iwanjax.discrepancy.histories.linearise import innovations
 from iwanjax.discrepancy.histories.multistart import HypothesisFit
 from iwanjax.discrepancy.histories.observer import stepped

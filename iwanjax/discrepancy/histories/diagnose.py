@@ -15,7 +15,7 @@ from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.conditioning import MODEL_ERROR
 from iwanjax.discrepancy.histories.estimates import estimates
-from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.noise import common_noise
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.places import followed, places_of

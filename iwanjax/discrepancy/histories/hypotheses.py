@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, SensorKind
-from iwanjax.discrepancy.histories.kernels import Joint, located
+from iwanjax.discrepancy.histories.joint_priors import Joint, located
 from iwanjax.discrepancy.histories.places import Place
 from iwanjax.discrepancy.histories.predictor import Suspects
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start

@@ -10,7 +10,7 @@ import jax
 from iwanjax.discrepancy.effects import ForceKind, JointKind
 from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.discrepancy.histories import hypotheses
-from iwanjax.discrepancy.histories.kernels import joints_of
+from iwanjax.discrepancy.histories.joint_priors import joints_of
 from iwanjax.discrepancy.histories.likelihood import left_by_noise
 from iwanjax.discrepancy.histories.multistart import (
     SHORT_TIME_CONSTANT,

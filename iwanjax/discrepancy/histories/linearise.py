@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.discrepancy.histories import kernels
-from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.predictor import Predictor, Suspects
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
 from iwanjax.threads import available_threads

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.histories.kernels import Joint, joints_of, located
+from iwanjax.discrepancy.histories.joint_priors import Joint, joints_of, located
 from iwanjax.discrepancy.histories.likelihood import scale
 from iwanjax.discrepancy.histories.linearise import residuals_at
 from iwanjax.discrepancy.histories.multistart import HypothesisFit, moved

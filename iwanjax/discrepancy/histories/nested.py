@@ -10,7 +10,7 @@ import numpy as np
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind, SensorKind
 from iwanjax.discrepancy.histories import hypotheses
-from iwanjax.discrepancy.histories.kernels import joints_of
+from iwanjax.discrepancy.histories.joint_priors import joints_of
 from iwanjax.discrepancy.histories.likelihood import unknowns
 from iwanjax.discrepancy.histories.linearise import residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart

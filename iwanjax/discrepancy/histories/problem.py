@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.histories.kernels import Joint, tangents
+from iwanjax.discrepancy.histories.joint_priors import Joint, tangents
 from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects
 

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.estimate import Estimate, Refitted
-from iwanjax.discrepancy.histories.kernels import joints_of
+from iwanjax.discrepancy.histories.joint_priors import joints_of
 from iwanjax.discrepancy.histories.likelihood import covariance
 from iwanjax.discrepancy.histories.multistart import HypothesisFit
 from iwanjax.discrepancy.histories.problem import HistoryProblem

@@ -13,7 +13,7 @@ from iwanjax.discrepancy.histories.conditioning import (
     conditioned,
     directions_of,
 )
-from iwanjax.discrepancy.histories.kernels import Joint
+from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.likelihood import left_by_noise
 from iwanjax.discrepancy.histories.linearise import innovations, residuals_at
 from iwanjax.discrepancy.histories.macroslip import alternatives
