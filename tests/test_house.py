@@ -67,8 +67,8 @@ def test_a_law_is_what_makes_a_force_of_a_motion():
     text = """
 cubic = lambda m, _: m.d**3
 other = lambda m: m.T
-def slider(motion: Motion, slip): return motion.moved
-def response(motion: Motion): return motion.omega
+def slider(motion: PlaceMotion, slip): return motion.moved
+def response(motion: PlaceMotion): return motion.omega
 class Spring(AbstractJoint): pass
 class Sum(AbstractProblem): pass
 """

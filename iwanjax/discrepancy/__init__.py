@@ -13,7 +13,7 @@ from iwanjax.discrepancy.effects import (
     JointKind,
     ModeKind,
     SensorKind,
-    register_kind,
+    catalogue,
 )
 from iwanjax.discrepancy.histories.diagnose import diagnose
 from iwanjax.discrepancy.histories.recordings import StudyRecording
@@ -34,7 +34,7 @@ __all__ = [
     "SensorKind",
     "StudyRecording",
     "Suspect",
+    "catalogue",
     "compare_modes",
     "diagnose",
-    "register_kind",
 ]

@@ -1,56 +1,39 @@
 """What may be missing from a model: each kind of physics with its force and its signs."""
 
 import difflib
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple, TypeAlias
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, ClassVar, Literal, TypeAlias
 
-import jax.numpy as jnp
 from jaxtyping import Array
 
-from iwanjax.discrepancy.nested import (
-    MAXWELL,
-    SLIDING_JOINT,
-    STUCK_JOINT,
-    STUCK_SLIDER,
-    TURNED,
-    WRONG_SIGN,
-    Nested,
-    Scales,
-    closed_gap,
-)
+from iwanjax.discrepancy.nested import TURNED, WRONG_SIGN, Nested
 from iwanjax.errors import InputError
-from iwanjax.joints import ParameterInfo
-from iwanjax.joints.iwan import IWAN_PARAMETERS
-
-
-class PlaceMotion(NamedTuple):
-    """What a place of the structure does over one step.
-
-    Attributes
-    ----------
-    d, v, a : array
-        Deflection, rate and acceleration of the place at the end of the step.
-    moved : array
-        Change of the deflection over the step.
-    dt : array
-        Length of the step, s.
-    """
-
-    d: Array
-    v: Array
-    a: Array
-    moved: Array
-    dt: Array
-
-
-UnitForce: TypeAlias = Callable[[PlaceMotion, Array, Array], tuple[Array, Array]]
-"""(motion, shape, memory) -> (force per unit size, memory), elementwise over places."""
+from iwanjax.joints import (
+    JOINTS,
+    BilinearSpring,
+    CubicSpring,
+    Dashpot,
+    Gap,
+    Inertia,
+    Iwan4,
+    Jenkins,
+    LinearSpring,
+    Maxwell,
+    ParameterInfo,
+    QuadraticDrag,
+    QuadraticSpring,
+    described,
+)
+from iwanjax.joints.force_law import AbstractForceLaw, NestedLaw, PlaceMotion, Scales
+from iwanjax.joints.iwan4 import NEVER_SLIPPING, SLIDING_AT_ONCE
 
 
 @dataclass(frozen=True)
 class ForceKind:
-    """One kind of missing physics: a force size * unit_force at some place of the structure.
+    """One kind of missing physics: a law of :mod:`iwanjax.joints` at some place of the structure.
 
     Parameters
     ----------
@@ -58,38 +41,73 @@ class ForceKind:
         As in ``diagnosis.json``.
     usual : str
         What the field calls it.
-    size : ParameterInfo
-        The factor of the force; zero is no force at all.
-    unit_force : function
-        Force that opposes a growing deflection, for size 1.
+    law : type
+        Of which the force, what is fitted, where to begin and the nested laws are.
     signs : str
         What betrays it, in words.
-    shape : ParameterInfo, optional
-        A second, positive parameter that the force depends on in another way.
-    shapes : function
-        Scales -> values of it to begin with.
-    positive : bool
-        Whether a negative size means nothing.
-    inertial : bool
-        Whether the force is in proportion to the place's acceleration.
+    names : tuple of str
+        Of the size and the shape in ``diagnosis.json``, where they are not the law's.
+    either_sign : bool
+        Whether the size may be negative where the law's may not: what a model has too much of.
+    held : tuple of (str, value)
+        Other arguments of the law.
     variant : str
         Which of several forms of the same name, in words; empty for the only one.
-    limits : tuple of Nested
-        Simpler kinds that it becomes at the ends of its shape's range: where one of them does
-        all but as well, that one is named.
     """
 
     name: str
     usual: str
-    size: ParameterInfo
-    unit_force: UnitForce
-    signs: str
-    shape: ParameterInfo | None = None
-    shapes: Callable[[Scales], tuple[float, ...]] = lambda scales: (1.0,)
-    positive: bool = False
-    inertial: bool = False
+    law: type[AbstractForceLaw]
+    signs: str = ""
+    names: tuple[str, ...] = ()
+    either_sign: bool = False
+    held: tuple[tuple[str, Any], ...] = ()
     variant: str = ""
-    limits: tuple[Nested, ...] = ()
+
+    @property
+    def size(self) -> ParameterInfo:
+        """The factor of the force; zero is no force at all."""
+        return self._infos()[0]
+
+    @property
+    def shape(self) -> ParameterInfo | None:
+        """A second, positive parameter that the force depends on in another way."""
+        return self._infos()[1] if len(self._infos()) > 1 else None
+
+    @property
+    def positive(self) -> bool:
+        """Whether a negative size means nothing."""
+        return self.size.lower >= 0.0
+
+    @property
+    def inertial(self) -> bool:
+        """Whether the force is in proportion to the place's acceleration."""
+        return self.law.inertial
+
+    @property
+    def limits(self) -> tuple[Nested, ...]:
+        """Simpler kinds that it becomes at the ends of its shape's range.
+
+        Where one of them does all but as well, that one is named.
+        """
+        return _nested(self.law.nested(**dict(self.held)))
+
+    def shapes(self, seen: Scales) -> tuple[float, ...]:
+        """Values of the shape to begin with."""
+        return self.law.starts(seen)
+
+    def unit_force(self, motion: PlaceMotion, shape: Array, memory: Array) -> tuple[Array, Array]:
+        """Force that opposes a growing deflection, for size 1, and what the place remembers.
+
+        Elementwise over places, one number of memory each.
+        """
+        return self.law.scaled(1.0, shape, **dict(self.held)).follow(motion, memory)
+
+    def _infos(self) -> tuple[ParameterInfo, ...]:
+        infos = self.law.searched()
+        names = self.names or tuple(info.name for info in infos)
+        size, *shape = (replace(i, name=n) for i, n in zip(infos, names, strict=True))
+        return (replace(size, lower=-math.inf) if self.either_sign else size, *shape)
 
 
 @dataclass(frozen=True)
@@ -131,15 +149,20 @@ class JointKind:
         As for :class:`ForceKind`.
     parameters : tuple of ParameterInfo
         What is fitted.
-    limits : tuple of Nested
-        As for :class:`ForceKind`.
+    nested : tuple of NestedLaw
+        Simpler laws that a joint becomes.
     """
 
     name: str
     usual: str
     parameters: tuple[ParameterInfo, ...]
     signs: str
-    limits: tuple[Nested, ...] = ()
+    nested: tuple[NestedLaw, ...] = ()
+
+    @property
+    def limits(self) -> tuple[Nested, ...]:
+        """As for :class:`ForceKind`."""
+        return _nested(self.nested)
 
 
 @dataclass(frozen=True)
@@ -166,125 +189,91 @@ class ModeKind:
 Kind: TypeAlias = ForceKind | SensorKind | JointKind | ModeKind
 
 
-def _memoryless(law: Callable[[PlaceMotion, Array], Array]) -> UnitForce:
-    return lambda motion, shape, memory: (law(motion, shape), memory)
-
-
-def _slider(motion: PlaceMotion, slip: Array, stretch: Array) -> tuple[Array, Array]:
-    stretch = jnp.clip(stretch + motion.moved, -slip, slip)
-    return stretch, stretch
-
-
-def _maxwell(motion: PlaceMotion, tau: Array, stretch: Array) -> tuple[Array, Array]:
-    # Exact for a rate that changes evenly over the step, to where it is at the end: with a rate
-    # that stays as it is, a damper would lag by half a step.
-    x = motion.dt / tau
-    whole = -jnp.expm1(-x) / x
-    ramp = (1.0 - whole) / x
-    share = 2.0 * (whole - ramp)
-    stretch = jnp.exp(-x) * stretch + share * motion.moved + (whole - share) * motion.dt * motion.v
-    return stretch, stretch
+def _nested(laws: Iterable[NestedLaw]) -> tuple[Nested, ...]:
+    """The kinds that nested laws are; a law that is no kind is no hypothesis either."""
+    return tuple(
+        Nested(kind.name, nested.narrowed, nested.widened)
+        for nested in laws
+        for kinds in catalogue().values()
+        for kind in kinds
+        if isinstance(kind, ForceKind) and kind.law is nested.law and not kind.variant
+    )
 
 
 _KINDS: tuple[Kind, ...] = (
     ForceKind(
         "stiffness_error",
         "wrong or missing linear stiffness, boundary",
-        ParameterInfo("k", "force/length", "stiffness"),
-        _memoryless(lambda m, _: m.d),
+        LinearSpring,
         "a frequency that is off at every amplitude",
+        either_sign=True,
     ),
     ForceKind(
         "mass_error",
         "unmodelled mass (sensor, cable, fixture)",
-        ParameterInfo("m", "mass", "mass"),
-        _memoryless(lambda m, _: m.a),
+        Inertia,
         "frequencies that are off at every amplitude, the higher the more",
-        inertial=True,
+        either_sign=True,
     ),
     ForceKind(
         "viscous_damping",
         "unmodelled linear damper",
-        ParameterInfo("c", "force*time/length", "viscous coefficient"),
-        _memoryless(lambda m, _: m.v),
+        Dashpot,
         "damping that is off at every amplitude",
+        either_sign=True,
     ),
     ForceKind(
         "cubic_stiffness",
         "hardening or softening, geometric",
-        ParameterInfo("k3", "force/length^3", "cubic stiffness"),
-        _memoryless(lambda m, _: m.d**3),
+        CubicSpring,
         "a frequency that changes with the square of the amplitude; third harmonics",
     ),
     ForceKind(
         "quadratic_stiffness",
         "asymmetric elastic force, curvature",
-        ParameterInfo("k2", "force/length^2", "quadratic stiffness"),
-        _memoryless(lambda m, _: m.d**2),
+        QuadraticSpring,
         "an offset and second harmonics that grow with amplitude",
     ),
     *(
         ForceKind(
             "gap_contact",
             "clearance, stop, bolt-shank pinning",
-            ParameterInfo("k", "force/length", "contact stiffness", 0.0),
-            _memoryless(law),
+            Gap,
             "a frequency that rises suddenly above some amplitude",
-            ParameterInfo("gap", "length", "clearance", 0.0),
-            lambda s: (0.3 * s.deflection, 0.7 * s.deflection),
-            positive=True,
+            held=(("sides", sides),),
             variant=variant,
-            limits=limits,
         )
-        for variant, limits, law in (
-            (
-                "",
-                (closed_gap("stiffness_error"),),
-                lambda m, g: jnp.sign(m.d) * jnp.maximum(jnp.abs(m.d) - g, 0.0),
-            ),
-            (
-                "where d > 0",
-                (closed_gap("bilinear_stiffness"),),
-                lambda m, g: jnp.maximum(m.d - g, 0.0),
-            ),
-            ("where d < 0", (), lambda m, g: -jnp.maximum(-m.d - g, 0.0)),
+        for sides, variant in (
+            ("both", ""),
+            ("positive", "where d > 0"),
+            ("negative", "where d < 0"),
         )
     ),
     ForceKind(
         "bilinear_stiffness",
         "opening and closing contact, preload loss in a joint",
-        ParameterInfo("dk", "force/length", "stiffness on one side"),
-        _memoryless(lambda m, _: jnp.maximum(m.d, 0.0)),
+        BilinearSpring,
         "an offset and even harmonics that keep their share at every amplitude",
     ),
     ForceKind(
         "coulomb_friction",
         "dry friction at a support or seal",
-        ParameterInfo("k", "force/length", "stiffness before slip", 0.0),
-        _slider,
+        Jenkins,
         "damping that falls with amplitude once it slips, stiffness at small amplitude",
-        ParameterInfo("slip", "length", "deflection at slip", 0.0),
-        lambda s: (0.003 * s.deflection, 0.05 * s.deflection),
-        positive=True,
-        limits=(STUCK_SLIDER,),
     ),
     ForceKind(
         "quadratic_damping",
         "drag",
-        ParameterInfo("c2", "force*time^2/length^2", "drag coefficient"),
-        _memoryless(lambda m, _: m.v * jnp.abs(m.v)),
+        QuadraticDrag,
         "damping that grows in proportion to amplitude",
+        names=("c2",),
+        either_sign=True,
     ),
     ForceKind(
         "viscoelastic",
         "elastomer, bungee, seal",
-        ParameterInfo("k", "force/length", "stiffness of the spring", 0.0),
-        _maxwell,
+        Maxwell,
         "damping and stiffness that depend on frequency, not on amplitude",
-        ParameterInfo("tau", "time", "relaxation time", 0.0),
-        lambda s: (0.4 * s.period, 2.0 * s.period),
-        positive=True,
-        limits=MAXWELL,
     ),
     SensorKind(
         "sensor_gain",
@@ -335,9 +324,9 @@ _KINDS: tuple[Kind, ...] = (
     JointKind(
         "iwan_joint",
         "a joint left out",
-        IWAN_PARAMETERS,
+        Iwan4.parameters,
         "microslip where no joint is",
-        (SLIDING_JOINT, STUCK_JOINT),
+        (SLIDING_AT_ONCE, NEVER_SLIPPING),
     ),
     ModeKind(
         "modal_coupling",
@@ -348,41 +337,62 @@ _KINDS: tuple[Kind, ...] = (
 )
 
 CATALOGUE: dict[str, tuple[Kind, ...]] = {}
-"""All kinds by name, each with its variants; :func:`register_kind` adds one's own."""
+"""Kinds that have a name of their own, each with its variants; :func:`catalogue` has all."""
 for _kind in _KINDS:
     CATALOGUE[_kind.name] = (*CATALOGUE.get(_kind.name, ()), _kind)
+_NAMED_LAWS = {kind.law for kind in _KINDS if isinstance(kind, ForceKind)}
 
 
-def shipped(kind: Kind) -> bool:
-    """Whether a kind is one of the package's own."""
-    return any(kind is own for own in _KINDS)
-
-
-def register_kind(kind: ForceKind) -> None:
-    """Make a kind of one's own take part in every diagnosis.
+def catalogue() -> dict[str, tuple[Kind, ...]]:
+    """All kinds by name: those of :data:`CATALOGUE`, and every other law that is a joint's type.
 
     Raises
     ------
     InputError
-        For something else than a ForceKind, or a name that is taken.
+        Where a law was registered by the name of another kind.
     """
-    if not isinstance(kind, ForceKind):
-        raise InputError(f"register_kind: expected a ForceKind, got {type(kind).__name__}")
-    if CATALOGUE.setdefault(kind.name, (kind,)) != (kind,):
-        raise InputError(f"register_kind: {kind.name!r} is taken")
+    laws = {
+        name: law
+        for name, law in JOINTS.items()
+        if issubclass(law, AbstractForceLaw) and law not in _NAMED_LAWS
+    }
+    for name in laws.keys() & CATALOGUE.keys():
+        raise InputError(
+            f"hypotheses: {name!r} is a kind of the catalogue; register {laws[name].__name__} "
+            "under another name"
+        )
+    return CATALOGUE | {name: (_of_law(name, law),) for name, law in laws.items()}
+
+
+@cache
+def _of_law(name: str, law: type[AbstractForceLaw]) -> ForceKind:
+    return ForceKind(name, described(law), law)
+
+
+def shipped(kind: ForceKind) -> bool:
+    """Whether a kind's law is one of the package's own."""
+    return kind.law.__module__.startswith("iwanjax.")
 
 
 def kinds_of(names: tuple[str, ...] = ()) -> tuple[Kind, ...]:
-    """The kinds of these names, all of the catalogue for none.
+    """The kinds of these names; for none all but laws that are only tried when asked for.
 
     Raises
     ------
     InputError
         For an unknown name, with the nearest known one.
     """
+    known = catalogue()
     for name in names:
-        if name not in CATALOGUE:
-            near = difflib.get_close_matches(name, CATALOGUE, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(CATALOGUE)}"
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
             raise InputError(f"hypotheses: {name!r} is unknown; {hint}")
-    return tuple(kind for name in names or CATALOGUE for kind in CATALOGUE[name])
+    if names:
+        return tuple(kind for name in names for kind in known[name])
+    return tuple(
+        kind
+        for kinds in known.values()
+        for kind in kinds
+        if not isinstance(kind, ForceKind) or kind.law.tried
+    )

@@ -2,12 +2,14 @@
 
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo
 from iwanjax.joints.background import PowerLawDamping
-from iwanjax.joints.catalogue import JOINTS, joint_type, register_joint
+from iwanjax.joints.catalogue import JOINTS, described, joint_type, register_joint
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 from iwanjax.joints.drag import QuadraticDrag
+from iwanjax.joints.force_law import AbstractForceLaw, NestedLaw, PlaceMotion, Scales
 from iwanjax.joints.fronts import SlipFronts
 from iwanjax.joints.hysteresis import hysteresis
+from iwanjax.joints.inertia import Inertia
 from iwanjax.joints.iwan import DISTRIBUTION_PARAMETERS
 from iwanjax.joints.iwan4 import Iwan4
 from iwanjax.joints.iwan5 import Iwan5
@@ -24,31 +26,39 @@ from iwanjax.joints.springs import (
     QuadraticSpring,
     Tabulated,
 )
+from iwanjax.joints.stepped import AbstractStepped
 
 __all__ = [
     "DISTRIBUTION_PARAMETERS",
     "JOINTS",
     "AbstractDiscrete",
+    "AbstractForceLaw",
     "AbstractJoint",
+    "AbstractStepped",
     "BilinearSpring",
     "CubicSpring",
     "Dashpot",
     "Gap",
+    "Inertia",
     "Iwan4",
     "Iwan5",
     "Jenkins",
     "Law",
     "LinearSpring",
     "Maxwell",
+    "NestedLaw",
     "ParameterInfo",
+    "PlaceMotion",
     "PowerLawDamping",
     "QuadraticDrag",
     "QuadraticSpring",
     "Reaction",
     "Reversals",
+    "Scales",
     "SliderBank",
     "SlipFronts",
     "Tabulated",
+    "described",
     "hysteresis",
     "joint_type",
     "masing_dissipation",

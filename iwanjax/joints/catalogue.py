@@ -1,11 +1,16 @@
-"""The element types that files may name; a user's own joins by ``register_joint``."""
+"""The element types that files may name; one's own joins by ``register_joint``."""
 
+import dataclasses
 import difflib
+import inspect
+import re
 
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import AbstractJoint
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.drag import QuadraticDrag
+from iwanjax.joints.force_law import AbstractForceLaw
+from iwanjax.joints.inertia import Inertia
 from iwanjax.joints.iwan4 import Iwan4
 from iwanjax.joints.iwan5 import Iwan5
 from iwanjax.joints.jenkins import Jenkins
@@ -30,28 +35,64 @@ JOINTS: dict[str, type[AbstractJoint]] = {
     "dashpot": Dashpot,
     "quadratic_drag": QuadraticDrag,
     "maxwell": Maxwell,
+    "inertia": Inertia,
 }
 
 
 def register_joint(name: str, kind: type[AbstractJoint]) -> None:
-    """Make an element of one's own known to study files by name.
+    """Make an element of one's own known by name.
+
+    It is then a ``type:`` of study files and a line of ``iwanjax laws``; a force law
+    (:class:`AbstractForceLaw`, of which :class:`AbstractStepped` needs least) is a hypothesis at
+    every place of a diagnosis too.
 
     Parameters
     ----------
     name : str
-        What a file's ``type:`` says.
+        Of the type and of the hypothesis.
     kind : type
         A final subclass of :class:`AbstractJoint`.
 
     Raises
     ------
     InputError
-        When the name is taken by another element or the class is not a joint.
+        When the name is taken by another element, the class is not a joint, or a search would
+        not know where to begin with its parameters.
     """
     if not (isinstance(kind, type) and issubclass(kind, AbstractJoint)):
         raise InputError(f"register_joint({name!r}): expected a subclass of AbstractJoint")
+    if issubclass(kind, AbstractForceLaw):
+        _check_searched(name, kind)
     if JOINTS.setdefault(name, kind) is not kind:
         raise InputError(f"register_joint: {name!r} already names {JOINTS[name].__name__}")
+
+
+def _check_searched(name: str, kind: type[AbstractForceLaw]) -> None:
+    """Refuse a law that a search would not know where to begin with."""
+    moved = {info.name for info in kind.searched()}
+    if len(moved) not in (1, 2):
+        raise InputError(
+            f"register_joint({name!r}): {kind.__name__}.searched names {len(moved)} parameters; "
+            "expected a size, and a shape at most"
+        )
+    if len(moved) == 2 and kind.starts.__func__ is AbstractForceLaw.starts.__func__:
+        raise InputError(
+            f"register_joint({name!r}): {kind.__name__} has a shape; give it starts(seen), the "
+            "values to begin a search with"
+        )
+    bare = {f.name for f in dataclasses.fields(kind) if f.default is dataclasses.MISSING}
+    if kind.scaled.__func__ is AbstractForceLaw.scaled.__func__ and bare - moved:
+        raise InputError(
+            f"register_joint({name!r}): {', '.join(sorted(bare - moved))} of {kind.__name__} "
+            "needs a default, which a search leaves as it is"
+        )
+
+
+def described(kind: type[AbstractJoint]) -> str:
+    """What an element is: the first sentence of its docstring, its name without one."""
+    told = " ".join(inspect.cleandoc(kind.__doc__ or "").partition("\n\n")[0].split())
+    first = re.split(r"(?<=[a-z0-9)])[.:](?:\s|$)", told, maxsplit=1)[0]
+    return first or kind.__name__
 
 
 def joint_type(name: str) -> type[AbstractJoint]:

@@ -7,12 +7,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.discrete import Viscous
+from iwanjax.joints.force_law import AbstractForceLaw, PlaceMotion
 from iwanjax.types import ArrayLike, real
 
 
-class Dashpot(AbstractJoint):
+class Dashpot(AbstractForceLaw):
     r"""F = c v. Quasi-statically it carries nothing; per cycle it takes pi c omega d^2.
 
     Parameters
@@ -43,6 +44,10 @@ class Dashpot(AbstractJoint):
     def discrete(self, sliders: int | None = None) -> Viscous:
         """The force follows the rate."""
         return Viscous(self)
+
+    def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
+        """The force at the rate that the step ends with; nothing is remembered."""
+        return self.rate_law(motion.v)[0], memory
 
     def rate_law(self, v: Array) -> tuple[Array, Array]:
         """Force c v and its slope c."""

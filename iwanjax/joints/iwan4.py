@@ -10,11 +10,14 @@ from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.discrete import AbstractDiscrete
+from iwanjax.joints.force_law import NestedLaw, Values
 from iwanjax.joints.iwan import IWAN_PARAMETERS, AbstractIwan, physical_of
+from iwanjax.joints.jenkins import Jenkins
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.power import power
 from iwanjax.joints.reversals import Reversals
 from iwanjax.joints.sliders import SLIDERS
+from iwanjax.joints.springs import LinearSpring
 from iwanjax.types import ArrayLike, real
 
 # Gauss-Legendre nodes of tau in (0, pi/2), for the first harmonic.
@@ -23,6 +26,9 @@ _SINE, _COSINE = (f(0.25 * np.pi * (_NODES + 1.0)) for f in (np.sin, np.cos))
 _WEIGHT = 0.25 * np.pi * _WEIGHTS
 # Relative distance from phi_max within which microslip and macroslip are the same.
 _BESIDE = 1e-9
+# Exponent of the power-law part of a joint that is nearly a spring or a slider, where it matters
+# least: the middle of what bolted joints show (Segalman 2005).
+_CHI = -0.5
 
 
 class Iwan4(AbstractIwan):
@@ -218,3 +224,23 @@ class Iwan4(AbstractIwan):
             return x, sticks, m, power(m, n)
 
         return evaluate
+
+
+def _sliders(values: Values) -> tuple[Values, ...]:
+    """With a joint's stiffness, and its strength or the largest slip of its sliders."""
+    F_S, K_T, *_ = values
+    return (K_T, F_S / K_T), (K_T, float(Iwan4(*values).phi_max))
+
+
+SLIDING_AT_ONCE = NestedLaw(
+    Jenkins,
+    _sliders,
+    lambda slider, seen, share: (slider[0] * slider[1], slider[0], _CHI, 1.0 / share),
+)
+"""Of an Iwan element in its parameters' order, the one all of whose sliders slip at once."""
+NEVER_SLIPPING = NestedLaw(
+    LinearSpring,
+    lambda values: (values[1:2],),
+    lambda spring, seen, share: (spring[0] * seen.deflection / share, *spring, _CHI, 1.0 / share),
+)
+"""Of an Iwan element in its parameters' order, the one that never slips."""

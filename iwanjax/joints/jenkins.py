@@ -1,18 +1,27 @@
 """The Jenkins element: a spring in series with one Coulomb slider."""
 
-from typing import ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar, Self
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.force_law import (
+    AbstractForceLaw,
+    NestedLaw,
+    PlaceMotion,
+    Scales,
+    stiffness_alone,
+)
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.sliders import SLIDERS, SliderBank
+from iwanjax.joints.springs import LinearSpring
 from iwanjax.types import ArrayLike, real
 
 
-class Jenkins(AbstractJoint):
+class Jenkins(AbstractForceLaw):
     r"""Elastic, perfectly plastic element: F = K_T d up to F_S, then F_S (dry friction).
 
     .. math:: D = 4 F_S\,\max(|d| - F_S/K_T,\ 0)
@@ -32,6 +41,39 @@ class Jenkins(AbstractJoint):
 
     F_S: Array = eqx.field(converter=named("F_S"))
     K_T: Array = eqx.field(converter=named("K_T"))
+
+    @classmethod
+    def searched(cls) -> tuple[ParameterInfo, ...]:
+        """Stiffness and deflection at slip: with the latter alone the force's form changes."""
+        slip = ParameterInfo("slip", "length", "deflection at slip", lower=0.0, transform="log")
+        return replace(cls.parameters[1], name="k"), slip
+
+    @classmethod
+    def scaled(cls, size: ArrayLike, shape: ArrayLike, **held: Any) -> Self:
+        """Of stiffness ``size`` and slip at deflection ``shape``."""
+        return cls(F_S=real(size) * real(shape), K_T=size)
+
+    @classmethod
+    def starts(cls, seen: Scales) -> tuple[float, ...]:
+        """Slip at small and at middling deflections."""
+        return 0.003 * seen.deflection, 0.05 * seen.deflection
+
+    @classmethod
+    def nested(cls, **held: Any) -> tuple[NestedLaw, ...]:
+        """One that never slips is a spring."""
+        return (
+            NestedLaw(
+                LinearSpring,
+                stiffness_alone,
+                lambda spring, seen, share: (*spring, seen.deflection / share),
+            ),
+        )
+
+    def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
+        """The spring is stretched no further than to slip; its stretch is remembered."""
+        slip = self.F_S / self.K_T
+        stretch = jnp.clip(memory + motion.moved, -slip, slip)
+        return self.K_T * stretch, stretch
 
     @property
     def initial_stiffness(self) -> Array:

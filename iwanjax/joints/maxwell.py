@@ -1,6 +1,6 @@
 """The Maxwell element: a spring in series with a dashpot."""
 
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,8 +8,17 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
+from iwanjax.joints.force_law import (
+    AbstractForceLaw,
+    NestedLaw,
+    PlaceMotion,
+    Scales,
+    stiffness_alone,
+)
+from iwanjax.joints.springs import LinearSpring
 from iwanjax.types import ArrayLike, real
 
 # Below this many relaxation times a step's integrals are summed as power series: their closed
@@ -22,7 +31,7 @@ _RISE = 1.0 / _FACTORIALS[:-1]
 _SQUARE = (2.0 ** (_POWERS + 2) - 2.0) / (_FACTORIALS[1:] * (_POWERS + 3))
 
 
-class Maxwell(AbstractJoint):
+class Maxwell(AbstractForceLaw):
     r"""Spring k in series with a dashpot c, of relaxation time :math:`\tau = c/k`.
 
     .. math:: \dot F + F/\tau = k\dot d, \qquad
@@ -51,6 +60,55 @@ class Maxwell(AbstractJoint):
 
     k: Array = eqx.field(converter=named("k"))
     c: Array = eqx.field(converter=named("c"))
+
+    @classmethod
+    def searched(cls) -> tuple[ParameterInfo, ...]:
+        """Stiffness and relaxation time: with the latter alone the force's form changes."""
+        tau = ParameterInfo("tau", "time", "relaxation time", lower=0.0, transform="log")
+        return cls.parameters[0], tau
+
+    @classmethod
+    def scaled(cls, size: ArrayLike, shape: ArrayLike, **held: Any) -> Self:
+        """Of stiffness ``size`` and relaxation time ``shape``."""
+        return cls(k=size, c=real(size) * real(shape))
+
+    @classmethod
+    def starts(cls, seen: Scales) -> tuple[float, ...]:
+        """Relaxation within a period, and beyond."""
+        return 0.4 * seen.period, 2.0 * seen.period
+
+    @classmethod
+    def nested(cls, **held: Any) -> tuple[NestedLaw, ...]:
+        """One that hardly relaxes is a spring; one that does at once, a damper."""
+        return (
+            NestedLaw(
+                LinearSpring,
+                stiffness_alone,
+                lambda spring, seen, share: (*spring, seen.period / share),
+            ),
+            NestedLaw(
+                Dashpot,
+                lambda values: ((values[0] * values[1],),),
+                lambda damper, seen, share: (
+                    damper[0] / (share * seen.period),
+                    share * seen.period,
+                ),
+            ),
+        )
+
+    def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
+        r"""The spring's stretch, exact for a rate that changes evenly to that at the step's end.
+
+        :class:`Relaxing` has the rate constant instead, so that its loss is closed: from step to
+        step of an observer, whose rates are known, the damper would lag by half a step.
+        """
+        x = motion.dt * self.k / self.c
+        whole = -jnp.expm1(-x) / x
+        ramp = (1.0 - whole) / x
+        share = 2.0 * (whole - ramp)
+        stretch = jnp.exp(-x) * memory + share * motion.moved
+        stretch = stretch + (whole - share) * motion.dt * motion.v
+        return self.k * stretch, stretch
 
     @property
     def initial_stiffness(self) -> Array:

@@ -1,7 +1,7 @@
 """Elastic elements: the force is a function of the deflection, nothing is dissipated."""
 
 from collections.abc import Callable
-from typing import ClassVar, Literal, TypeAlias, get_args
+from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,14 +9,21 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.force_law import (
+    AbstractForceLaw,
+    NestedLaw,
+    PlaceMotion,
+    Scales,
+    stiffness_alone,
+)
 from iwanjax.types import ArrayLike, as_real, is_traced, real
 
 Sides: TypeAlias = Literal["both", "positive", "negative"]
 """Deflections at which a clearance ends in contact."""
 
 
-class AbstractSpring(AbstractJoint):
+class AbstractSpring(AbstractForceLaw):
     """An element whose force is that of its virgin curve on every path.
 
     Of a curve that is not odd, secant and harmonic stiffness are those of a cycle between -d and
@@ -24,6 +31,10 @@ class AbstractSpring(AbstractJoint):
     side of the curve only, the one the mode's load deflects it to, so that the curves of
     :func:`iwanjax.qsma` then depend on the sign of the mode's shape and of the joint's row.
     """
+
+    def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
+        """The curve at the end of the step; nothing is remembered."""
+        return self.law()(motion.d)[0], memory
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         """Zero."""
@@ -186,7 +197,7 @@ class BilinearSpring(AbstractSpring):
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent)."""
         dk = self.dk
-        return lambda d: (dk * jnp.where(d > 0.0, d, 0.0), jnp.where(d > 0.0, dk, 0.0))
+        return lambda d: (dk * jnp.maximum(d, 0.0), jnp.where(d > 0.0, dk, 0.0))
 
     def secant(self, d: ArrayLike) -> Float[Array, "..."]:
         """Half dk, the slope from tip to tip, force/length."""
@@ -219,6 +230,26 @@ class Gap(AbstractSpring):
     k: Array = eqx.field(converter=named("k"))
     gap: Array = eqx.field(converter=named("gap"))
     sides: Sides = eqx.field(static=True, default="both")
+
+    @classmethod
+    def starts(cls, seen: Scales) -> tuple[float, ...]:
+        """Clearances that a good part of the motion is beyond."""
+        return 0.3 * seen.deflection, 0.7 * seen.deflection
+
+    @classmethod
+    def nested(cls, **held: Any) -> tuple[NestedLaw, ...]:
+        """Of no width: a spring, or one for positive deflections."""
+        simpler = {"both": LinearSpring, "positive": BilinearSpring}
+        sides = held.get("sides", "both")
+        if sides not in simpler:
+            return ()
+        return (
+            NestedLaw(
+                simpler[sides],
+                stiffness_alone,
+                lambda spring, seen, share: (*spring, share * seen.deflection),
+            ),
+        )
 
     @property
     def initial_stiffness(self) -> Array:

@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy import CATALOGUE, ForceKind, StudyRecording, diagnose, register_kind
-from iwanjax.joints import ParameterInfo
+from iwanjax.discrepancy import StudyRecording, diagnose
 
 # Chains of two masses: one set of kernels serves them all.
 NOTHING, FRICTION, RATE = 2, 94, 2048
@@ -226,20 +225,6 @@ def test_a_row_of_zeros_is_said():
     )
     assert any("nowhere is zero" in line for line in found.warnings)
     assert any("held out" in line for line in found.warnings)
-
-
-def test_a_kind_of_ones_own_is_taken_once():
-    size = ParameterInfo("s", "force/length", "size")
-    own = ForceKind("test_only", "for this test", size, lambda m, s, memory: (m.d, memory), "none")
-    register_kind(own)
-    register_kind(own)
-    try:
-        with pytest.raises(ij.InputError, match="is taken"):
-            register_kind(ForceKind("test_only", "", size, own.unit_force, ""))
-        with pytest.raises(ij.InputError, match="expected a ForceKind"):
-            register_kind("test_only")
-    finally:
-        del CATALOGUE["test_only"]
 
 
 def test_a_study_without_recordings_is_refused(tmp_path):

@@ -24,7 +24,8 @@ from iwanjax.discrepancy.histories.multistart import multistart
 from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
 from iwanjax.discrepancy.histories.problem import Start
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
-from iwanjax.discrepancy.nested import TURNED, Nested, Scales
+from iwanjax.discrepancy.nested import TURNED, Nested
+from iwanjax.joints import Scales
 
 KINDS = {f"{kind.name} {getattr(kind, 'variant', '')}".strip(): kind for kind in kinds_of()}
 

@@ -7,7 +7,7 @@ import pytest
 from iwanjax.discrepancy.effects import CATALOGUE, ForceKind
 from iwanjax.discrepancy.estimate import Estimate
 from iwanjax.discrepancy.wording import noun, sentence, share, sizes
-from iwanjax.joints import ParameterInfo
+from iwanjax.joints import Dashpot, ParameterInfo
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_a_verdict_is_a_plain_sentence(name, where, said):
 def test_every_kind_has_words_of_its_own():
     said = {noun(kinds[0], "x") for kinds in CATALOGUE.values()}
     assert len(said) == len(CATALOGUE)
-    own = ForceKind("own", "magnetic drag", ParameterInfo("s", "1", ""), lambda *x: x, "none")
+    own = ForceKind("own", "magnetic drag", Dashpot)
     assert sentence(own, "m1-m2") == "Magnetic drag is missing between m1 and m2"
 
 

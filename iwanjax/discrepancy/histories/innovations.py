@@ -12,10 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import PlaceMotion
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values, on, sizes_of
 from iwanjax.dynamics.balance import Joints
-from iwanjax.joints import AbstractJoint, Reaction
+from iwanjax.joints import AbstractJoint, PlaceMotion, Reaction
 from iwanjax.structures.small import solve_general
 
 DELAY_NODES = 16

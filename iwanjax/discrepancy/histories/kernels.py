@@ -7,10 +7,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import PlaceMotion, shipped
+from iwanjax.discrepancy.effects import shipped
 from iwanjax.discrepancy.histories.innovations import innovations, motions
 from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values
+from iwanjax.joints import PlaceMotion
 from iwanjax.kernels import Kept
 from iwanjax.signals.comparison_band import in_band
 

@@ -25,7 +25,8 @@ from iwanjax.discrepancy.histories.ranking import (
     refitted,
     tolerance_of,
 )
-from iwanjax.discrepancy.nested import Nested, Scales, Values
+from iwanjax.discrepancy.nested import Nested
+from iwanjax.joints.force_law import Scales, Values
 
 # Shares of a law's own doing with which it is begun where it does what a simpler one does.
 _SHARES = (1e-1, 1e-2, 1e-3, 1e-4)

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.effects import Scales
 from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.histories.problem import HistoryProblem
+from iwanjax.joints import Scales
 
 # Memory of the observer, cycles: the data, not the model, say what happened.
 _TIME_CONSTANT_BACK = 1.0

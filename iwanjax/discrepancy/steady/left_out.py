@@ -6,8 +6,9 @@ import numpy as np
 
 from iwanjax.discrepancy.effects import Kind, kinds_of
 from iwanjax.discrepancy.estimate import Estimate
-from iwanjax.discrepancy.nested import SLIDING_JOINT, Scales
+from iwanjax.joints import Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS
+from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
 
 VALUES = len(IWAN_PARAMETERS)
 """Parameters of a joint left out, the last ones of a fit."""
@@ -44,4 +45,4 @@ def joint_estimates(fit: WithAddedJoint) -> tuple[Estimate, ...]:
 
 def as_slider(k: float, slip: float) -> np.ndarray:
     """Parameters of the joint that a slider of stiffness k is the limit of."""
-    return np.array(SLIDING_JOINT.widened((k, slip), Scales(slip, 1.0), _ALL_AT_ONCE))
+    return np.array(SLIDING_AT_ONCE.widened((k, slip), Scales(slip, 1.0), _ALL_AT_ONCE))

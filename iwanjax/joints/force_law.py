@@ -1,0 +1,133 @@
+"""What a search needs of a law: its step, its factor and shape, starting values, nested laws."""
+
+import abc
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
+
+from jaxtyping import Array
+
+from iwanjax.joints.abstract import AbstractJoint, ParameterInfo
+from iwanjax.types import ArrayLike
+
+Values: TypeAlias = tuple[float, ...]
+"""A law's size and, where it has one, its shape."""
+
+
+class PlaceMotion(NamedTuple):
+    """What a place of the structure does over one step.
+
+    Attributes
+    ----------
+    d, v, a : array
+        Deflection, rate and acceleration of the place at the end of the step.
+    moved : array
+        Change of the deflection over the step.
+    dt : array
+        Length of the step, s.
+    """
+
+    d: Array
+    v: Array
+    a: Array
+    moved: Array
+    dt: Array
+
+
+class Scales(NamedTuple):
+    """What a place has seen, to choose starting values by.
+
+    Attributes
+    ----------
+    deflection : float
+        The largest.
+    period : float
+        The longest, s.
+    """
+
+    deflection: float
+    period: float
+
+
+class AbstractForceLaw(AbstractJoint):
+    """An element whose force is a size times a function of the motion and one shape at most.
+
+    That is what a diagnosis takes for a hypothesis, whatever else the element has in closed form.
+
+    Attributes
+    ----------
+    inertial : bool
+        Whether the force is in proportion to the acceleration.
+    tried : bool
+        Whether a diagnosis tries the law without being asked for it.
+    """
+
+    inertial: ClassVar[bool] = False
+    tried: ClassVar[bool] = True
+
+    @abc.abstractmethod
+    def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
+        """One step, elementwise: the force at its end, and what the element then remembers.
+
+        Parameters
+        ----------
+        motion : PlaceMotion
+            Monotonic over the step.
+        memory : array
+            One number, 0 for the virgin element.
+        """
+
+    @classmethod
+    def searched(cls) -> tuple[ParameterInfo, ...]:
+        """What a search moves: the size, and the shape of a law that has one."""
+        return cls.parameters[:2]
+
+    @classmethod
+    def scaled(cls, size: ArrayLike, shape: ArrayLike, **held: Any) -> Self:
+        """The element of a size and a shape.
+
+        Parameters
+        ----------
+        size : array_like
+            The force is in proportion to it.
+        shape : array_like
+            Of no effect where :meth:`searched` names a size alone.
+        **held
+            What a search leaves as it is, where that is not its default.
+        """
+        names = (info.name for info in cls.searched())
+        return cls(**dict(zip(names, (size, shape), strict=False)), **held)
+
+    @classmethod
+    def starts(cls, seen: Scales) -> tuple[float, ...]:
+        """Values of the shape to begin a search with; one of no effect without a shape."""
+        return (1.0,)
+
+    @classmethod
+    def nested(cls, **held: Any) -> "tuple[NestedLaw, ...]":
+        """Simpler laws that it becomes at the ends of its shape's range."""
+        return ()
+
+
+class NestedLaw(NamedTuple):
+    """A simpler law that a law becomes at an end of its range, with the maps between them.
+
+    Attributes
+    ----------
+    law : type
+        The simpler one.
+    narrowed : function
+        Values of the law -> those of the simpler one that does most nearly the same; several
+        where it may be either.
+    widened : function
+        (values of the simpler law, what the place has seen, share) -> values at which the law
+        does the same, the more nearly the smaller the share.
+    """
+
+    law: type[AbstractForceLaw]
+    narrowed: Callable[[Values], tuple[Values, ...]]
+    widened: Callable[[Values, Scales, float], Values]
+
+
+def stiffness_alone(values: Values) -> tuple[Values, ...]:
+    """Of a law whose size is a stiffness, the spring that it becomes."""
+    return (values[:1],)
