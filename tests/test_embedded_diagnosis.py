@@ -31,9 +31,13 @@ def test_the_script_beside_the_data_makes_them(tmp_path):
                     np.testing.assert_array_equal(made[name], kept[name])
 
 
-def test_the_concealed_spring_is_found_and_predicts_the_hit_held_out():
+@pytest.fixture(scope="module")
+def verdict():
+    return ij.load_study(CONFIGS / "concealed_spring.yaml").diagnose().only
+
+
+def test_the_concealed_spring_is_found_and_predicts_the_hit_held_out(verdict):
     truth = json.loads((FOLDER / "truth.json").read_text())["concealed"]
-    verdict = ij.load_study(CONFIGS / "concealed_spring.yaml").diagnose().only
     assert verdict.verdict.name == "something_missing"
     first = verdict.what[0]
     assert (first.kind.name, first.where) == (truth["kind"], truth["where"])
@@ -42,3 +46,20 @@ def test_the_concealed_spring_is_found_and_predicts_the_hit_held_out():
     assert k3.value == pytest.approx(truth["k3"], abs=max(2.0 * k3.std, 0.01 * truth["k3"]))
     assert verdict.after.hold_out < 1.5 * verdict.noise_floor.hold_out
     assert verdict.before.hold_out > 0.1
+
+
+def test_the_corrected_model_simulates_and_the_diagnosis_is_saved(verdict, tmp_path):
+    """By the integrator of `simulate`, from the measured force: its steps are samples apart."""
+    study = ij.load_study(CONFIGS / "concealed_spring.yaml")
+    with np.load(FOLDER / "hit4.npz") as held:
+        push, measured = held["force"] * np.eye(3)[1], held["response"]
+
+    def off(model):
+        shown = np.asarray(ij.simulate(model, push, 1 / 2048).acceleration)
+        return np.sqrt(np.mean((shown - measured) ** 2) / np.mean(measured**2))
+
+    assert off(verdict.model) < 0.04 < 0.1 * off(study.structure)
+    again = ij.Diagnosis.load(verdict.save(tmp_path / "verdict.npz"))
+    assert again.summary() == verdict.summary()
+    assert again.model.labels == verdict.model.labels == ("J1", "cubic_stiffness@m3-ground")
+    assert "m3 and ground" in again._repr_html_()

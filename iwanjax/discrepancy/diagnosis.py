@@ -12,6 +12,7 @@ from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.restoring_force import RestoringForce
 from iwanjax.discrepancy.wording import noun, sentence, share, sizes
 from iwanjax.results import AbstractResult
+from iwanjax.structures import JointedStructure
 from iwanjax.tables import Block, without_empty_columns
 
 # Probability of something else from which on it is told.
@@ -156,6 +157,9 @@ class Diagnosis(AbstractResult):
         What it took.
     failures : tuple of str
         Late stages that failed, in words; what does not rest on them holds.
+    model : JointedStructure or None
+        The structure with its joints refitted and, where something is missing, with it: ready to
+        simulate. None for curves and loops, and where it could not be built.
     """
 
     verdict: Verdict
@@ -177,6 +181,7 @@ class Diagnosis(AbstractResult):
     complete: bool
     seconds: float
     failures: tuple[str, ...] = ()
+    model: JointedStructure | None = field(default=None, repr=False)
 
     @property
     def detected(self) -> bool:

@@ -14,6 +14,7 @@ from iwanjax.discrepancy.evidence import LEAST_GAIN
 from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.conditioning import MODEL_ERROR
+from iwanjax.discrepancy.histories.corrected_model import corrected_model
 from iwanjax.discrepancy.histories.estimates import estimates
 from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.noise import common_noise
@@ -193,6 +194,12 @@ def diagnose(
                 None,
                 failures,
             )
+    model = attempted(
+        "building the corrected model",
+        lambda: corrected_model(structure, table.best if verdict.found else table.nominal, rows),
+        None,
+        failures,
+    )
     warnings = [*sides.fitted.warnings, *sides.warnings()]
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
@@ -224,6 +231,7 @@ def diagnose(
         complete=scope.in_time(),
         seconds=time.perf_counter() - started,
         failures=tuple(dict.fromkeys(failures)),
+        model=model,
     )
 
 

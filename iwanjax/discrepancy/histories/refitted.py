@@ -40,7 +40,7 @@ def joints_refitted(
     joints, found, first = joints_of(problem.joints, jax.device_put(z)), [], 0
     # Two evaluations for each parameter give its slope.
     beside = [joints_of(problem.joints, jax.device_put(z + _STEP * e)) for e in np.eye(p)]
-    for i, (name, joint) in enumerate(zip(_ordered(problem, fitted, labels), joints, strict=True)):
+    for i, (name, joint) in enumerate(zip(ordered(problem, fitted, labels), joints, strict=True)):
         rows = []
         for info in problem.joints[i].given.parameters:
             value = float(getattr(joint, info.name))
@@ -51,8 +51,8 @@ def joints_refitted(
     return tuple(found)
 
 
-def _ordered(problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str]) -> list[str]:
-    """Labels in the order of the search's joints."""
+def ordered(problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str]) -> list[str]:
+    """Labels of a structure's joints in the order of a problem's."""
     names, more = list(labels), len(problem.joints) - len(labels)
     pairs = zip(fitted.hypothesis.kinds, fitted.hypothesis.where, strict=True)
     for kind, where in pairs:
