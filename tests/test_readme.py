@@ -66,8 +66,21 @@ def test_the_second_is_the_same_study_without_a_file(first, examples, capsys):
         assert_allclose(getattr(curves.curves, name), getattr(expected.curves, name), rtol=1e-9)
 
 
-def test_the_third_has_the_gradient_it_prints(examples, capsys):
-    damping = run(examples[2])["damping"]
+def test_the_third_finds_what_is_concealed_and_simulates_with_it(examples, capsys):
+    try:
+        found = run(examples[2])
+        assert (ROOT / "verdict.npz").is_file()
+    finally:
+        (ROOT / "verdict.npz").unlink(missing_ok=True)
+    assert "A cubic spring is missing between m3 and ground" in capsys.readouterr().out
+    assert found["verdict"].model.labels == ("J1", "cubic_stiffness@m3-ground")
+    assert bool(found["again"].balanced)
+    code = [line for line in examples[2].splitlines() if line]
+    assert len(code) <= 10
+
+
+def test_the_fourth_has_the_gradient_it_prints(examples, capsys):
+    damping = run(examples[3])["damping"]
     _, gradient = (float(word) for word in capsys.readouterr().out.split())
     expected = float(damping(-0.5 + 1e-5) - damping(-0.5 - 1e-5)) / 2e-5
     assert gradient == pytest.approx(expected, rel=1e-5)
@@ -85,4 +98,4 @@ def test_the_study_of_matrices_can_be_read(tmp_path):
 
 
 def test_there_are_no_others(examples):
-    assert len(examples) == 3
+    assert len(examples) == 4
