@@ -9,9 +9,10 @@ import pytest
 from iwanjax.discrepancy.effects import CATALOGUE
 from iwanjax.discrepancy.histories import estimates
 from iwanjax.discrepancy.histories.estimates import determined
+from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.steady.one_joint import Deviations, PlacedForce, Ranking
 
-SEARCH = SimpleNamespace(parameters=0, recordings=1, directions=0, order=(0,))
+SEARCH = SimpleNamespace(parameters=0, map=ParameterMap(0), recordings=1, directions=0, order=(0,))
 
 
 def fitted(name, theta, shape=False, fixed=False):
@@ -22,7 +23,7 @@ def fitted(name, theta, shape=False, fixed=False):
         sizes=(not fixed,),
         shapes=(shape,),
         drifting=None,
-        suspects=SimpleNamespace(logarithmic=np.array([float(getattr(kind, "positive", False))])),
+        logarithmic=lambda slot: getattr(kind, "positive", False),
     )
     return SimpleNamespace(hypothesis=hypothesis, theta=np.array([theta]))
 

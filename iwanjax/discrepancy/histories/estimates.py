@@ -23,7 +23,7 @@ def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tupl
     known = covariance(problem, fitted)
     own = free_values(problem, hypothesis)
     theta = fitted.theta.mean(axis=0)
-    first = problem.parameters + 2 * slot
+    at = problem.map
 
     def deviation(value: int) -> float:
         if value not in own:
@@ -32,15 +32,12 @@ def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tupl
 
     if isinstance(kind, JointKind):
         return _of_joint(problem, fitted, kind, deviation)
-    size, scale = theta[first], hypothesis.scales[slot]
-    logarithmic = bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
-    value = scale * (math.exp(min(size, 700.0)) if logarithmic else size)
-    spread = abs(value) if logarithmic else scale
-    shape = math.exp(min(theta[first + 1], 700.0))
-    of_shape = shape * deviation(first + 1)
+    value, shape = hypothesis.physical(theta, at, slot)
+    spread = abs(value) if hypothesis.logarithmic(slot) else hypothesis.scales[slot]
+    of_shape = shape * deviation(at.shape(slot))
     if isinstance(kind, SensorKind) and kind.acts == "limit":
         return (Estimate(kind.size, shape, of_shape),)
-    found = (Estimate(kind.size, float(value), spread * deviation(first)),)
+    found = (Estimate(kind.size, value, spread * deviation(at.size(slot))),)
     if isinstance(kind, ForceKind) and kind.shape is not None:
         found += (Estimate(kind.shape, shape, of_shape),)
     return found
@@ -80,13 +77,13 @@ def _determined(
         off = [1.0 - each.value if kind.name == "stiction" else each.value for each in found[:2]]
         return any(x > SURE * each.std for x, each in zip(off, found, strict=False))
     own = free_values(problem, hypothesis)
-    at = problem.parameters + 2 * slot
-    places = [own.index(value) for value in (at, at + 1) if value in own]
+    at, both = problem.map.size(slot), (problem.map.size(slot), problem.map.shape(slot))
+    places = [own.index(value) for value in both if value in own]
     if not places:
         return True
     precision = np.linalg.pinv(known[np.ix_(places, places)])[0, 0]
     deviation = 1.0 / math.sqrt(max(float(precision), 1e-300))
-    logarithmic = at not in own or bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
+    logarithmic = at not in own or hypothesis.logarithmic(slot)
     # A logarithm is known by so many deviations of the size itself, which the limit of a sensor is.
     size = 1.0 if logarithmic else abs(float(fitted.theta.mean(axis=0)[at]))
     return bool(size > SURE * deviation)

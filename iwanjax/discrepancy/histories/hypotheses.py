@@ -48,10 +48,9 @@ def force(
 def shrunk(problem: HistoryProblem, start: Start, share: float) -> Start:
     """The same with a share of every size that is fitted."""
     theta = start.theta.copy()
-    logarithmic = np.asarray(start.hypothesis.suspects.logarithmic) > 0
     for slot, fitted in enumerate(start.hypothesis.sizes):
-        at = problem.parameters + 2 * slot
-        if fitted and logarithmic[slot]:
+        at = problem.map.size(slot)
+        if fitted and start.hypothesis.logarithmic(slot):
             theta[..., at] += math.log(share)
         elif fitted:
             theta[..., at] *= share
@@ -91,7 +90,7 @@ def sensor(
 def drift(problem: HistoryProblem, kind: JointKind, joint: int, label: str, z: np.ndarray) -> Start:
     """A joint whose strength changes from recording to recording."""
     hypothesis = replace(problem.nothing(), kinds=(kind,), where=(label,), drifting=joint)
-    return Start(hypothesis, np.concatenate([z, [0.0, 0.0]]))
+    return Start(hypothesis, problem.map.given(z))
 
 
 def joined(problem: HistoryProblem, starts: Sequence[Start]) -> Start:
@@ -130,7 +129,7 @@ def alone(problem: HistoryProblem, start: Start, slot: int) -> Start:
             h.drifting if drifts else None,
             h.scales[part],
         ),
-        np.concatenate([start.common[:p], start.common[p + 2 * slot : p + 2 * slot + 2]]),
+        np.concatenate([start.common[:p], start.common[problem.map.slot(slot)]]),
     )
 
 
@@ -227,4 +226,4 @@ def _moved(start: Start, parameters: int, z: np.ndarray) -> Start:
 def _as_nothing(problem: HistoryProblem, kind: JointKind, label: str, z: np.ndarray) -> Start:
     """A kind that is in the joints themselves."""
     hypothesis = replace(problem.nothing(), kinds=(kind,), where=(label,))
-    return Start(hypothesis, np.append(z, [0.0, 0.0]))
+    return Start(hypothesis, problem.map.given(z))

@@ -321,11 +321,10 @@ def _guesses_of(
     kind = hypothesis.kinds[slot]
     if not isinstance(kind, ForceKind) or kind.size.dimension != "force/length":
         return []
-    size, shape = start.common[p + 2 * slot : p + 2 * slot + 2]
-    stiffness = hypothesis.scales[slot] * (math.exp(size) if kind.positive else size)
+    stiffness, shape = hypothesis.physical(start.common, problem.map, slot)
     if stiffness <= 0:
         return []
     slips = [share * place.scales.deflection for share in _SLIPS]
     if kind.shape is not None and kind.shape.dimension == "length":
-        slips = [factor * math.exp(shape) for factor in _SLIPPED]
+        slips = [factor * shape for factor in _SLIPPED]
     return [hypotheses.JointStart(stiffness, slip, start.common[:p]) for slip in slips]

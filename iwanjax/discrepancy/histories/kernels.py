@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from iwanjax.discrepancy.effects import shipped
 from iwanjax.discrepancy.histories.innovations import innovations, motions
 from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at
+from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values
 from iwanjax.joints import PlaceMotion
 from iwanjax.kernels import Kept
@@ -17,12 +18,6 @@ from iwanjax.signals.comparison_band import in_band
 
 # A run that breaks down is far from the data, not a fault of the search.
 _BROKEN = 1e6
-
-
-def split(theta: Array, parameters: int, slots: int) -> Values:
-    """Values from one vector: joints, slots, state."""
-    end = parameters + 2 * slots
-    return Values(theta[:parameters], theta[parameters:end].reshape(slots, 2), theta[end:])
 
 
 def _weighted(
@@ -65,7 +60,7 @@ def residuals(
     slots = suspects.row.shape[0]
 
     def one(theta: Array, data: Data) -> tuple[Array, Array]:
-        values = split(theta, parameters, slots)
+        values = ParameterMap(parameters).split(theta, slots)
         made = joints_at(joints, values.z)
         found = innovations(predictor, made, suspects, values, gain, data)
         return _whole(in_band(found) * data.weight, data), found
@@ -98,7 +93,7 @@ def slopes(
 
     def one(theta: Array, data: Data) -> tuple[Array, Array]:
         def residual(theta: Array, gain: Array) -> Array:
-            values = split(theta, parameters, slots)
+            values = ParameterMap(parameters).split(theta, slots)
             return _weighted(predictor, joints, suspects, values, gain, data)
 
         def along(way: Array, turned: Array) -> tuple[Array, Array]:
@@ -156,7 +151,7 @@ def unit_forces(
     )
 
     def one(theta: Array, data: Data) -> tuple[Array, ...]:
-        values = split(theta, parameters, slots)
+        values = ParameterMap(parameters).split(theta, slots)
         made = joints_at(joints, values.z)
         values = values._replace(suspects=jnp.pad(values.suspects, [(0, places), (0, 0)]))
         moved = motions(predictor, made, watched, values, gain, data)
@@ -190,7 +185,7 @@ def responses(
     slots = suspects.row.shape[0]
 
     def one(theta: Array, force: Array, shown: Array, data: Data) -> Array:
-        values = split(theta, parameters, slots)
+        values = ParameterMap(parameters).split(theta, slots)
 
         def residual(push: Array, response: Array) -> Array:
             moved = data._replace(push=push, response=response)

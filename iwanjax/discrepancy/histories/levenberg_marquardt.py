@@ -50,7 +50,7 @@ def _laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray
     """Which values are free, and where they begin."""
     hypothesis, R, p = start.hypothesis, problem.recordings, problem.parameters
     slots = len(hypothesis.sizes)
-    fixed = p + 2 * slots
+    fixed = problem.map.end(slots)
     given = np.atleast_2d(start.theta)
     known = given.shape[-1] > fixed
     states = given[:, fixed:] if known else np.zeros((R, problem.directions))
@@ -312,7 +312,7 @@ def _leaping(hypothesis: Hypothesis, layout: Layout) -> np.ndarray:
     at = 0
     for slot, (size, shape) in enumerate(zip(hypothesis.sizes, hypothesis.shapes, strict=True)):
         if size:
-            logs[free[at]] = bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
+            logs[free[at]] = hypothesis.logarithmic(slot)
             at += 1
         if shape:
             logs[free[at]] = True

@@ -8,6 +8,7 @@ import numpy as np
 
 from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, begun, resumed
 from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
+from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start, Variant
 
 SHORT_TIME_CONSTANT = 2.0
@@ -240,5 +241,5 @@ def _fitted(descent: Descent, time_constant: float) -> HypothesisFit:
         descent.seen.residual,
         time_constant,
         descent.converged,
-        descent.joints + 2 * len(descent.hypothesis.sizes),
+        ParameterMap(descent.joints).end(len(descent.hypothesis.sizes)),
     )

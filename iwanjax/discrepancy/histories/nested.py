@@ -14,6 +14,7 @@ from iwanjax.discrepancy.histories.joint_priors import joints_of
 from iwanjax.discrepancy.histories.likelihood import unknowns
 from iwanjax.discrepancy.histories.linearise import residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
+from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
@@ -34,6 +35,8 @@ _SHARES = (1e-1, 1e-2, 1e-3, 1e-4)
 _NO_PLACE = Scales(1.0, 1.0)
 # Times the best cost from which on simpler kinds, or those that contain them, are given up.
 _GIVE_UP = 1.5
+# Of slots alone, without joints before them.
+_SLOTS = ParameterMap(0)
 
 
 def with_nested_laws(
@@ -133,13 +136,8 @@ def _values(entry: RankedFit, slot: int) -> Values:
     if isinstance(kind, JointKind):
         joint = joints_of(problem.joints, jax.device_put(theta[: problem.parameters]))[-1]
         return tuple(float(getattr(joint, info.name)) for info in kind.parameters)
-    size, shape = theta[problem.parameters + 2 * slot : problem.parameters + 2 * slot + 2]
-    value = hypothesis.scales[slot] * (math.exp(size) if _logarithmic(hypothesis, slot) else size)
-    return (value, math.exp(shape)) if hypothesis.shapes[slot] else (value,)
-
-
-def _logarithmic(hypothesis: Hypothesis, slot: int) -> bool:
-    return bool(np.asarray(hypothesis.suspects.logarithmic)[slot] > 0)
+    size, shape = hypothesis.physical(theta, problem.map, slot)
+    return (size, shape) if hypothesis.shapes[slot] else (size,)
 
 
 def none_worse(base: RankedFit, entries: Sequence[RankedFit], scope: Scope) -> list[RankedFit]:
@@ -198,7 +196,7 @@ def _from_within(entry: RankedFit, known: Sequence[RankedFit], scope: Scope) -> 
 def _cost(problem: HistoryProblem, start: Start, time_constant: float) -> float:
     """Squares of residuals, and what the priors of joints and states add."""
     (residual,) = residuals_at(problem, [(start.hypothesis, start.theta)], time_constant)
-    p, fixed = problem.parameters, problem.parameters + 2 * len(start.hypothesis.sizes)
+    p, fixed = problem.parameters, problem.map.end(len(start.hypothesis.sizes))
     z, states = start.common[:p], start.theta[:, fixed:]
     return float(np.sum(residual**2) + np.sum(z**2) + np.sum(states**2))
 
@@ -285,7 +283,7 @@ def _start(
             there = _parameters(hypothesis, slot, slots, values, share)
             if there is None:
                 return None
-            slots[2 * slot : 2 * slot + 2] = there
+            slots[_SLOTS.slot(slot)] = there
         elif own is base and entry.problem is not base:
             common = z.mean(axis=0)
             if kind.name == "stiction":
@@ -309,8 +307,8 @@ def _parameters(
 
     None for a size of a sign that the kind cannot have.
     """
-    size, shape = slots[2 * slot : 2 * slot + 2]
-    logarithmic, kind = _logarithmic(hypothesis, slot), hypothesis.kinds[slot]
+    size, shape = slots[_SLOTS.slot(slot)]
+    logarithmic, kind = hypothesis.logarithmic(slot), hypothesis.kinds[slot]
     limit = isinstance(kind, SensorKind) and kind.acts == "limit"
     if values is None:
         if limit:

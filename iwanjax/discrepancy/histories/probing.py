@@ -64,7 +64,7 @@ def probed(
     if not places or not scope.in_time():
         return entries
     scope.progress("probing forces of any size")
-    given = Start(problem.nothing(), np.zeros(problem.parameters + 2))
+    given = Start(problem.nothing(), problem.map.given())
     base = multistart(problem, [given], SHORT_TIME_CONSTANT, 0)[0]
     starts = [
         unit.sized(size)

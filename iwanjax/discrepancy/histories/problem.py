@@ -1,5 +1,6 @@
 """Hypotheses, and what a search for their values rests on: predictor, data, observers."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,10 +13,13 @@ import numpy as np
 from iwanjax.discrepancy.effects import Kind
 from iwanjax.discrepancy.histories.joint_priors import Joint, tangents
 from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, stepped
+from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects
 
 # Rows of one call for the joints' tangents, and the step of a gain's derivatives.
 _ROWS, _NEAR = 64, 1e-4
+# Largest logarithm whose exponential is a number.
+_LARGEST = 700.0
 # What drifts in a joint.
 _DRIFTING = ("F_S", "K_T")
 
@@ -47,6 +51,16 @@ class Hypothesis:
     shapes: tuple[bool, ...] = (False,)
     drifting: int | None = None
     scales: tuple[float, ...] = (1.0,)
+
+    def logarithmic(self, slot: int) -> bool:
+        """Whether a slot's size is the exponential of its value in theta."""
+        return bool(np.asarray(self.suspects.logarithmic)[slot] > 0)
+
+    def physical(self, theta: np.ndarray, at: ParameterMap, slot: int) -> tuple[float, float]:
+        """Size and shape of a slot, of which the latter counts where the kind has one."""
+        size, shape = (min(float(each), _LARGEST) for each in theta[at.slot(slot)])
+        factor = math.exp(size) if self.logarithmic(slot) else float(theta[at.size(slot)])
+        return self.scales[slot] * factor, math.exp(shape)
 
     @property
     def label(self) -> str:
@@ -119,6 +133,11 @@ class HistoryProblem:
         return sum(len(joint.given.parameters) for joint in self.joints)
 
     @property
+    def map(self) -> ParameterMap:
+        """Where values stand in theta."""
+        return ParameterMap(self.parameters)
+
+    @property
     def directions(self) -> int:
         """In how many the state of a recording is uncertain."""
         return self.data.unsure.shape[-1]
@@ -189,7 +208,7 @@ class HistoryProblem:
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
         """State matrix and what the sensors see, of the model as given."""
-        return self.system(self.empty(), np.zeros(self.parameters + 2))
+        return self.system(self.empty(), self.map.given())
 
     def system(self, suspects: Suspects, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """State matrix and what the sensors see, with other values and beside suspects."""
@@ -207,7 +226,7 @@ class HistoryProblem:
             stiffness.append(np.asarray(tangents(self.joints, jax.device_put(padded)))[: len(part)])
         found = []
         for own, row, k in zip(suspects, theta, np.concatenate(stiffness), strict=True):
-            size = row[p : p + 2 * own.row.shape[0] : 2]
+            size = row[self.map.sizes(own.row.shape[0])]
             logarithmic = np.asarray(own.logarithmic) > 0
             size = np.where(logarithmic, np.exp(np.minimum(size, 50.0)), size)
             found.append(self.predictor.linear(k, own, size))
@@ -242,7 +261,7 @@ def _neighbours(
         if info.dimension == "force/length"
     ]
     for member, own in enumerate(suspects):
-        sizes = [problem.parameters + 2 * slot for slot in range(own.row.shape[0])]
+        sizes = [problem.map.size(slot) for slot in range(own.row.shape[0])]
         active = np.any(np.asarray(own.force) != 0, axis=1) | np.any(
             np.asarray(own.chain)[:, 0] != 0, axis=1
         )
@@ -256,10 +275,9 @@ def _neighbours(
 
 def free_values(problem: HistoryProblem, hypothesis: Hypothesis) -> list[int]:
     """Places in theta of what is fitted and the same in all recordings."""
-    p = problem.parameters
-    found = list(range(p))
+    at, found = problem.map, list(range(problem.parameters))
     for slot, (size, shape) in enumerate(zip(hypothesis.sizes, hypothesis.shapes, strict=True)):
-        found += [p + 2 * slot] * size + [p + 2 * slot + 1] * shape
+        found += [at.size(slot)] * size + [at.shape(slot)] * shape
     return found
 
 

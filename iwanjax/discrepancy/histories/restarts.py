@@ -45,7 +45,7 @@ def nominal_fit(problem: HistoryProblem, scope: Scope, seed: int) -> HypothesisF
     random = np.random.default_rng(seed)
     draws = random.standard_normal((_STARTS - 1, problem.parameters))
     starts = [
-        Start(problem.nothing(), np.append(z, [0.0, 0.0]))
+        Start(problem.nothing(), problem.map.given(z))
         for z in (np.zeros(problem.parameters), *draws)
     ]
     found = multistart(
@@ -151,7 +151,7 @@ def renominated(
     p = problem.parameters
     near = nominal.cost < FAR * least(nominal, entries).cost
     starts = [
-        Start(problem.nothing(), np.append(entry.fitted.theta.mean(axis=0)[:p], [0.0, 0.0]))
+        Start(problem.nothing(), problem.map.given(entry.fitted.theta.mean(axis=0)[:p]))
         for entry in entries[: _ENDS if near else 1]
         if entry.problem is problem
     ]

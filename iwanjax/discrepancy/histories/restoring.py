@@ -1,7 +1,5 @@
 """The force that a place lacks, recovered from recordings, beside the laws that may explain it."""
 
-import math
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -96,13 +94,11 @@ def _law(
         own = np.asarray(hypothesis.suspects.row)[slot, : len(row)]
         if not isinstance(kind, ForceKind) or not np.array_equal(own, row):
             continue
-        size, shape = fit.theta.mean(axis=0)[problem.parameters + 2 * slot :][:2]
-        if np.asarray(hypothesis.suspects.logarithmic)[slot] > 0:
-            size = math.exp(min(size, 700.0))
+        size, shape = hypothesis.physical(fit.theta.mean(axis=0), problem.map, slot)
         moving = np.stack([d, v, a, np.diff(d, prepend=0.0)])
-        fixed = np.asarray(math.exp(min(shape, 700.0))), moving, np.asarray(dt)
+        fixed = np.asarray(shape), moving, np.asarray(dt)
         unit = np.asarray(_forces(kind, *jax.device_put(fixed))[0])
-        return kind.name, unit * size * hypothesis.scales[slot]
+        return kind.name, unit * size
     return None
 
 

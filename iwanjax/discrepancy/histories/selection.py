@@ -122,7 +122,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     clear = bool(candidates) and candidates[0].drop > _CLEAR
     if nominal.cost > FAR * left_by_noise(problem) and not clear and scope.in_time():
         # Joints that were bent to explain something else are a bad place to look from.
-        given = Start(problem.nothing(), np.zeros(problem.parameters + 2))
+        given = Start(problem.nothing(), problem.map.given())
         both.append(tested(problem, multistart(problem, [given], SHORT_TIME_CONSTANT, 0)[0], scope))
     scores = tuple(
         Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)

@@ -227,7 +227,7 @@ def _fast(coarse: Refined) -> bool:
 
 def _given(problem: HistoryProblem) -> tuple[Hypothesis, np.ndarray]:
     """The model with its joints as given."""
-    return problem.nothing(), problem.still(np.zeros(problem.parameters + 2))
+    return problem.nothing(), problem.still(problem.map.given())
 
 
 def _require_same_units(problem: HistoryProblem) -> None:
