@@ -52,8 +52,7 @@ if TYPE_CHECKING:
         compare_modes,
         diagnose,
     )
-    from iwanjax.discrepancy.steady.diagnose_curves import diagnose_curves
-    from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
+    from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
     from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes
     from iwanjax.dynamics import (
         Energies,
@@ -148,8 +147,8 @@ _LATER = {
     "Diagnosis": "iwanjax.discrepancy",
     "ModeComparison": "iwanjax.discrepancy",
     "diagnose": "iwanjax.discrepancy",
-    "diagnose_curves": "iwanjax.discrepancy.steady.diagnose_curves",
-    "diagnose_loops": "iwanjax.discrepancy.steady.diagnose_loops",
+    "diagnose_curves": "iwanjax.discrepancy.steady.diagnose_joint",
+    "diagnose_loops": "iwanjax.discrepancy.steady.diagnose_joint",
     "diagnose_modes": "iwanjax.discrepancy.steady.diagnose_modes",
     "compare_modes": "iwanjax.discrepancy",
     "Energies": "iwanjax.dynamics",

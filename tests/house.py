@@ -33,7 +33,7 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 10,
     "config": 19,
-    "discrepancy": 60,
+    "discrepancy": 53,
     "dynamics": 15,
     "files": 6,
     "plotting": 16,

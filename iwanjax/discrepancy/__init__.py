@@ -1,9 +1,9 @@
 """Discrepancy: where models and recordings differ, and why.
 
-:func:`~iwanjax.discrepancy.diagnose_curves.diagnose_curves`,
-:func:`~iwanjax.discrepancy.diagnose_modes.diagnose_modes` and
-:func:`~iwanjax.discrepancy.diagnose_loops.diagnose_loops` stay in their modules: they load the
-optimisers, which pictures of a diagnosis do not need.
+:func:`~iwanjax.discrepancy.steady.diagnose_joint.diagnose_curves`,
+:func:`~iwanjax.discrepancy.steady.diagnose_modes.diagnose_modes` and
+:func:`~iwanjax.discrepancy.steady.diagnose_joint.diagnose_loops` stay in their modules: they load
+the optimisers, which pictures of a diagnosis do not need.
 """
 
 from iwanjax.discrepancy.diagnosis import Diagnosis, Suspect
@@ -17,9 +17,8 @@ from iwanjax.discrepancy.effects import (
 )
 from iwanjax.discrepancy.histories.diagnose import diagnose
 from iwanjax.discrepancy.histories.recordings import StudyRecording
-from iwanjax.discrepancy.steady.curve_run import CurveRun, ModesRun
-from iwanjax.discrepancy.steady.loop_run import LoopRun
-from iwanjax.discrepancy.steady.single_mode import ModeComparison, compare_modes
+from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes
+from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
 
 __all__ = [
     "CATALOGUE",

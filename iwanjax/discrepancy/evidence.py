@@ -74,3 +74,30 @@ def correlation_time(residual: np.ndarray) -> float:
     negative = np.flatnonzero(correlation <= 0)
     until = negative[0] if negative.size else correlation.size
     return float(1.0 + 2.0 * np.sum(correlation[1:until]))
+
+
+def linearised(slopes: np.ndarray, cost: float, tau: float) -> np.ndarray:
+    """Standard deviations of parameters, NaN where nothing depends on one.
+
+    Times the misfit where that exceeds 1; residuals that are correlated over some values, as all
+    misfit is along a curve, count as so many fewer.
+
+    Parameters
+    ----------
+    slopes : (values, parameters) array
+        Of the residuals.
+    cost : float
+        Sum of their squares.
+    tau : float
+        Correlation time of the residuals, in values.
+    """
+    sizes = np.linalg.norm(slopes, axis=0)
+    used = sizes > 0
+    inverse = np.linalg.pinv(slopes[:, used] / sizes[used], rcond=1e-10)
+    std = np.full(len(sizes), math.nan)
+    # Each parameter takes up one independent residual, and one at least is left.
+    tau = max(1.0, tau)
+    misfit = cost / max(tau, len(slopes) - tau * int(used.sum()))
+    std[used] = np.linalg.norm(inverse, axis=1) / sizes[used]
+    std[used] *= math.sqrt(max(1.0, misfit) * tau)
+    return std

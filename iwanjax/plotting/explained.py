@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from iwanjax.discrepancy.diagnosis import Diagnosis, Prediction
-from iwanjax.discrepancy.steady.curve_run import CurveRun, ModesRun
+from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun
 from iwanjax.errors import InputError
 from iwanjax.plotting.curves import DAMPING_LABEL, amplitude_label, frequency_label
 from iwanjax.plotting.fit import plain_ticks

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.steady.loop_run import LoopRun
+from iwanjax.discrepancy.steady.runs import LoopRun
 from iwanjax.errors import InputError
 from iwanjax.plotting.style import DOUBLE_COLUMN, GREY, PALETTE, paper_style, set_up, with_unit
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from iwanjax.discrepancy.steady.single_mode import ModeComparison
+from iwanjax.discrepancy.single_mode import ModeComparison
 from iwanjax.dynamics.decays import ModalDecays
 from iwanjax.errors import InputError
 from iwanjax.plotting.curves import DAMPING_LABEL, frequency_label

@@ -10,10 +10,9 @@ import numpy as np
 from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose
-from iwanjax.discrepancy.steady.diagnose_curves import diagnose_curves
-from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
+from iwanjax.discrepancy.steady.cycle import InteractingMode
+from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
-from iwanjax.discrepancy.steady.interacting_modes import InteractingMode
 from iwanjax.errors import InputError
 from iwanjax.signals import ForceLoop, Recording
 from iwanjax.studies.fits import of_one_quantity

@@ -10,7 +10,8 @@ from iwanjax.discrepancy.effects import CATALOGUE
 from iwanjax.discrepancy.histories import estimates
 from iwanjax.discrepancy.histories.estimates import determined
 from iwanjax.discrepancy.histories.parameter_map import ParameterMap
-from iwanjax.discrepancy.steady.one_joint import Deviations, PlacedForce, Ranking
+from iwanjax.discrepancy.steady.fit import PlacedEffect
+from iwanjax.discrepancy.steady.verdict import Ranking
 
 SEARCH = SimpleNamespace(parameters=0, map=ParameterMap(0), recordings=1, directions=0, order=(0,))
 
@@ -67,13 +68,13 @@ def test_of_a_model_that_broke_down_no_size_is_known(known):
 def fit(cost, name=None, size=0.0, std=math.nan):
     """A joint's fit to 1000 white values."""
     return SimpleNamespace(
-        force=PlacedForce(CATALOGUE[name][0], 1.0) if name else None,
-        theta=np.array([size]),
+        effect=PlacedEffect(CATALOGUE[name][0]) if name else None,
+        values=np.array([size]),
         cost=cost,
         count=1000,
         unknowns=1,
         correlation=lambda: 1.0,
-        deviations=lambda: Deviations(std, math.nan, std),
+        std=lambda: np.array([std]),
     )
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from iwanjax.discrepancy.evidence import correlation_time
-from iwanjax.discrepancy.steady.one_joint import linearised
+from iwanjax.discrepancy.evidence import correlation_time, linearised
 
 LEVELS, DRAWS, SHARE = 60, 300, 0.6
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy.steady.interacting_modes import InteractingMode, moved_by_both
+from iwanjax.discrepancy.steady.cycle import InteractingMode, moved_by_both
 from iwanjax.errors import InputError
 from iwanjax.signals import ringdown
 

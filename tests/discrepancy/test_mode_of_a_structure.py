@@ -6,7 +6,7 @@ from concealed.structures import STRUCTURES, tangent_stiffness
 from scipy.linalg import eigh
 
 import iwanjax as ij
-from iwanjax.discrepancy.steady.diagnose_curves import _MODEL_ERROR
+from iwanjax.discrepancy.steady.diagnose_joint import _MODEL_ERROR
 
 STROKES = np.geomspace(0.03, 1.0, 16) * 0.35
 """Of the joint, over macroslip."""

@@ -1,7 +1,8 @@
-"""Curves of one mode, with a force beside its joint."""
+"""Curves of one mode, with a force, another mode or a joint left out beside its joint."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -10,232 +11,318 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.effects import ForceKind, Scales
-from iwanjax.discrepancy.evidence import correlation_time
-from iwanjax.discrepancy.steady.cycle import beside, shows
-from iwanjax.discrepancy.steady.one_joint import (
-    Deviations,
-    PlacedForce,
-    best_of,
-    deviations_of,
-    over_shapes,
-    to_size,
-    to_variable,
+from iwanjax.discrepancy.effects import ForceKind, Kind
+from iwanjax.discrepancy.steady.cycle import (
+    AbstractActing,
+    ActingForce,
+    ActingJoint,
+    ActingMode,
+    InteractingMode,
+    shows,
+    unit_on,
 )
-from iwanjax.discrepancy.steady.starts import least_cost, slopes
+from iwanjax.discrepancy.steady.fit import (
+    STARTS,
+    AbstractSteadyProblem,
+    JointValues,
+    PlacedEffect,
+    Size,
+    SteadyFit,
+    as_slider,
+    best_of,
+    best_shape,
+    joints_to_begin_with,
+    searched,
+    with_sizes,
+)
+from iwanjax.joints import Iwan4
+from iwanjax.joints.force_law import Scales
+from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.quasistatic.modal import Beside, about
-from iwanjax.updating.modal import ModalProblem
-from iwanjax.updating.parameters import Chart
+from iwanjax.updating.modal import ModalProblem, modal_parameters, modal_problem
+from iwanjax.updating.parameters import Chart, drawn
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference
 
-# Starts of one search and those of them that are run: all searches share one compiled kernel.
-STARTS = 16
-"""Starts are searched so many at a time."""
-_RUNS = 4
-# Deviation of the sizes that searches start from, over the largest that is plausible.
-_SPREAD = 0.5
+# Starts that are run of a search with a force.
+_FORCE_RUNS = 4
 # Loss over the energy that a force turns over, below which it is rounding.
 _LOSSLESS = 1e-9
+# The same with a joint left out, and the strengths of that to begin with, over what the curves'
+# fall of frequency alone would ask for.
+_JOINT_RUNS, _STRENGTHS = 8, (1.0, 0.1)
+# Ratios of another mode's deflection to begin with, one search from the best of some joints with
+# each; every so many of the joints that the fit of the joint alone began with; and ratios over
+# what that ends at for a second search.
+_RATIOS, _EVERY, _NEARER = (0.1, 0.3, 1.0, 3.0), 16, (1.0, 0.9, 1.1, 1.3)
+# Tolerances of these two: each step takes a motion of some thousand samples.
+_ROUGH, _FINE = 1e-3, 1e-5
 
 
-class WithForce(AbstractProblem):
-    """A mode's joint and a force of some size beside it, held against measured curves.
+class AbstractCurvesProblem(AbstractSteadyProblem, AbstractProblem):
+    """What all problems of curves share: frequency and damping are compared, level by level."""
 
-    Parameters are those of ``base`` and the size. The force itself is data, so that all kinds
-    share one compiled search.
-    """
+    @property
+    def count(self) -> int:
+        """Frequencies and damping ratios."""
+        return 2 * self.measured.q.size
+
+    @property
+    def unknowns(self) -> int:
+        """Values that are adjusted beside the effect's, each curve's shift among them."""
+        return super().unknowns + len(self.measured.slices) * (self.reference == "shift")
+
+    def series(self, residuals: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Frequency and damping side by side, of each curve."""
+        both = residuals.reshape(2, -1).T
+        return tuple(both[part] for part in self.measured.slices)
+
+    def model(self, theta: Float[Array, " parameters"]) -> eqx.Module:
+        """The model without the effect."""
+        return self.base.model(theta[: -self.beside.count])
+
+
+class ModeProblem(AbstractCurvesProblem):
+    """A mode's joint and what acts beside it, held against measured curves."""
 
     measured: Measured
     chart: Chart
     names: tuple[str, ...] = eqx.field(static=True)
     reference: Reference = eqx.field(static=True)
     base: ModalProblem
-    unit: Beside
-    scale: Array
-    positive: Array
-
-    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
-        """The base's parameters; a size that must be positive moves by its logarithm."""
-        size = to_size(z[-1], self.scale, self.positive)
-        return jnp.append(self.base.to_values(z[:-1]), size)
-
-    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
-        """The inverse of :meth:`to_values`."""
-        variable = to_variable(theta[-1], self.scale, self.positive)
-        return jnp.append(self.base.to_variables(theta[:-1]), variable)
+    beside: Size | JointValues
+    acting: AbstractActing
 
     def improved(self, theta: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
-        """The base's."""
-        return jnp.append(self.base.improved(theta[:-1]), theta[-1])
-
-    def model(self, theta: Float[Array, " parameters"]) -> eqx.Module:
-        """The oscillator without the force."""
-        return self.base.model(theta[:-1])
+        """The base's, beside a force."""
+        if not isinstance(self.acting, ActingForce):
+            return theta
+        n = self.beside.count
+        return jnp.concatenate([self.base.improved(theta[:-n]), theta[-n:]])
 
     def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
         """What a ring-down shows at the measured amplitudes."""
-        return self.at(theta, self.measured.q, self.unit, self.measured.largest)
+        return self.at(theta, self.measured.q, self.acting, self.measured.largest)
 
     def at(
         self,
         theta: Float[Array, " parameters"],
         q: Float[Array, " levels"],
-        unit: Beside,
+        acting: AbstractActing,
         largest: Array | None,
     ) -> tuple[Array, Array]:
-        """What it shows at others, where the force of unit size does what ``unit`` says."""
-        oscillator = self.base.model(theta[:-1])
-        further = jax.tree.map(lambda each: theta[-1] * each, unit)
+        """What it shows at others."""
+        n = self.beside.count
+        oscillator = self.base.model(theta[:-n])
+        further, stuck = acting.further(theta[-n:], oscillator, q)
         f, zeta = oscillator.ringdown_frequency_and_damping(q, further, largest=largest)
-        return jnp.where(oscillator.K_inf > 0, f, jnp.nan), zeta
+        return jnp.where(oscillator.K_inf > stuck, f, jnp.nan), zeta
+
+    def reshaped(self, effect: PlacedEffect) -> "ModeProblem":
+        """The same with a force of another shape."""
+        acting = self.acting.at(effect, self.measured.q, 0, _omega(self.measured))
+        return eqx.tree_at(lambda p: p.acting, self, acting)
+
+    def predicted(
+        self,
+        theta: Array,
+        effect: PlacedEffect | None,
+        measured: Sequence[ModalCurves],
+        which: int,
+    ) -> tuple[ModalCurves, ...]:
+        """The model at the amplitudes of the mode's curves, in their order."""
+        found, omega = [], _omega(self.measured)
+        for i, curves in enumerate(measured):
+            seen = curves.as_quantity("displacement")
+            acting = self.acting.at(effect, seen.amplitude, i, omega)
+            f, zeta = _at(self, theta, seen.amplitude, acting, seen.largest)
+            found.append(as_measured(curves, f, zeta))
+        return tuple(found)
 
 
-@dataclass(frozen=True, eq=False)
-class CurveFit:
-    """A mode's curves explained by its joint and at most one force.
-
-    Attributes
-    ----------
-    force : PlacedForce or None
-        None for the joint alone.
-    problem : WithForce
-        What was searched.
-    theta : (parameters,) array
-        Where it ended; the last is the force's size.
-    cost : float
-        Sum of squared residuals over their deviations.
-    """
-
-    force: PlacedForce | None
-    problem: WithForce
-    theta: np.ndarray
-    cost: float
-
-    @property
-    def unknowns(self) -> int:
-        """Values that were adjusted."""
-        own = 0 if self.force is None else 1 + (self.force.kind.shape is not None)
-        return len(self.problem.base.chart.free) + own
-
-    @property
-    def count(self) -> int:
-        """Values that were measured."""
-        return 2 * self.problem.measured.q.size
-
-    @property
-    def omega(self) -> float:
-        """Circular frequency of the cycles that forces were worked out for, rad/s."""
-        return _omega(self.problem.measured)
-
-    @property
-    def gives_energy(self) -> bool:
-        """Whether the force works on the mode instead of taking from it."""
-        loss, q = np.asarray(self.problem.unit.loss), np.asarray(self.problem.measured.q)
-        turned = np.abs(np.asarray(self.problem.unit.stiffness)[1]) * q**2
-        work = float(np.sign(self.theta[-1]) * loss.sum())
-        return work < -_LOSSLESS * float(turned.sum())
-
-    def predicted(self, curves: ModalCurves, which: int = 0) -> ModalCurves:
-        """The model at the amplitudes of other curves of the mode, whichever it is."""
-        seen = curves.as_quantity("displacement")
-        q = seen.amplitude
-        unit = _nothing(len(q))
-        if self.force is not None:
-            unit = beside(self.force.kind, self.force.shape, np.asarray(about(q)), self.omega)
-        f, zeta = self.problem.at(jnp.asarray(self.theta), q, unit, seen.largest)
-        return ModalCurves(
-            curves.amplitude, f, zeta, quantity=curves.quantity, unit=curves.unit, name=curves.name
-        )
-
-    def residuals(self) -> tuple[np.ndarray, ...]:
-        """Of each curve over its deviations, frequency and damping side by side."""
-        f, zeta = (np.asarray(x) for x in self.problem.differences(jnp.asarray(self.theta)))
-        both = np.stack([f, zeta], axis=1)
-        return tuple(both[part] for part in self.problem.measured.slices)
-
-    def correlation(self) -> float:
-        """Correlation time of the residuals in levels, mean over the curves."""
-        return float(np.mean([correlation_time(each[None]) for each in self.residuals()]))
-
-    def deviations(self) -> Deviations:
-        """Of the force's size and shape, linearised; NaN without one."""
-        return deviations_of(
-            self.force,
-            lambda: np.asarray(slopes(self.problem, jnp.asarray(self.theta))),
-            lambda factor: np.concatenate(replaced_shape(self, factor).residuals()).T.ravel(),
-            self.cost,
-            self.correlation(),
-        )
+ModeFit = SteadyFit[ModeProblem]
 
 
-def replaced_shape(fit: CurveFit, factor: float) -> CurveFit:
-    """The same parameters with another shape of the force, not fitted again."""
-    assert fit.force is not None
-    force = fit.force._replace(shape=fit.force.shape * factor)
-    q = np.asarray(about(fit.problem.measured.q))
-    unit = beside(force.kind, force.shape, q, fit.omega)
-    problem = eqx.tree_at(lambda p: p.unit, fit.problem, unit)
-    return CurveFit(force, problem, fit.theta, fit.cost)
+def as_measured(
+    curves: ModalCurves, f: Array | np.ndarray, zeta: Array | np.ndarray
+) -> ModalCurves:
+    """Frequency and damping of a model at the amplitudes of measured curves."""
+    return ModalCurves(
+        curves.amplitude, f, zeta, quantity=curves.quantity, unit=curves.unit, name=curves.name
+    )
 
 
-def fit_alone(base: ModalProblem, draws: np.ndarray) -> CurveFit:
+def fit_alone(base: ModalProblem, draws: np.ndarray) -> ModeFit:
     """The joint alone, from draws of its parameters (starts, parameters)."""
-    nothing = _nothing(base.measured.q.size)
-    return _fit(base, None, nothing, 1.0, np.column_stack([draws, np.zeros(len(draws))]))
+    problem = _with_force(base, unit_on(None, base.measured.q, 0.0), 1.0, False)
+    return searched(None, problem, np.column_stack([draws, np.zeros(len(draws))]), _FORCE_RUNS)
 
 
 def fit_beside(
-    alone: CurveFit, kind: ForceKind, draws: np.ndarray, random: np.random.Generator
-) -> CurveFit | None:
+    alone: ModeFit, kind: ForceKind, draws: np.ndarray, random: np.random.Generator
+) -> ModeFit | None:
     """The joint and a force; None where curves cannot show the force.
 
     Shapes are tried on a grid about those that the catalogue begins with, then nearer to the
     best, from the joint as it is alone and from some of the draws; the best then from all.
     """
-    base, measured = alone.problem.base, alone.problem.measured
-    q = np.asarray(about(measured.q))
-    begin = kind.shapes(Scales(float(q.max()), 2.0 * math.pi / alone.omega))
-    few = np.tile(alone.theta[:-1], (STARTS, 1))
-    few[::2] = draws[np.linspace(0, len(draws) - 1, STARTS // 2).astype(int)]
+    base = alone.problem.base
+    q, omega = np.asarray(about(base.measured.q)), _omega(base.measured)
+    begin = kind.shapes(Scales(float(q.max()), 2.0 * math.pi / omega))
+    few = joints_to_begin_with(alone, draws)
 
-    def at(shape: float, joints: np.ndarray) -> CurveFit | None:
-        unit = beside(kind, shape, q, alone.omega)
+    def at(shape: float, joints: np.ndarray = few) -> ModeFit | None:
+        effect = PlacedEffect(kind, shape)
+        unit = unit_on(effect, base.measured.q, omega)
         if not shows(unit, q):
             return None
-        largest = _largest(measured, unit)
-        sizes = _SPREAD * largest * random.standard_normal(len(joints))
-        sizes = np.abs(sizes) if kind.positive else sizes
-        return _fit(base, PlacedForce(kind, shape), unit, largest, np.column_stack([joints, sizes]))
+        largest = _largest(base.measured, unit)
+        problem = _with_force(base, unit, largest, kind.positive)
+        return searched(effect, problem, with_sizes(joints, kind, largest, random), _FORCE_RUNS)
 
-    if kind.shape is None:
-        first = at(begin[0], few)
-        found = [first] if first is not None else []
-    else:
-        found = over_shapes(begin, lambda shape: at(shape, few))
-    if not found:
+    best = best_shape(kind, begin, at)
+    if best is None or best.effect is None:
         return None
-    best = best_of(found).force
-    assert best is not None
-    again = at(best.shape, draws)
-    return best_of([*found, *([again] if again is not None else [])])
+    again = at(best.effect.shape, draws)
+    return best if again is None else best_of([best, again])
 
 
-def _fit(
-    base: ModalProblem, force: PlacedForce | None, unit: Beside, scale: float, starts: np.ndarray
-) -> CurveFit:
-    positive = force is not None and force.kind.positive
-    problem = WithForce(
+def gives_energy(fit: ModeFit) -> bool:
+    """Whether a fit's force works on the mode instead of taking from it."""
+    acting = fit.problem.acting
+    if not isinstance(acting, ActingForce):
+        return False
+    loss, q = np.asarray(acting.unit.loss), np.asarray(fit.problem.measured.q)
+    turned = np.abs(np.asarray(acting.unit.stiffness)[1]) * q**2
+    work = float(np.sign(fit.theta[-1]) * loss.sum())
+    return work < -_LOSSLESS * float(turned.sum())
+
+
+def fit_with_joint(
+    alone: ModeFit,
+    kind: Kind,
+    curves: Sequence[ModalCurves],
+    sliders: Sequence[ModeFit],
+    random: np.random.Generator,
+) -> ModeFit:
+    """The joint and another one.
+
+    From joints of all strengths that slip within the measured amplitudes, and from the sliders
+    that were found beside the joint: what a joint has for its limit never fits better than it.
+
+    Parameters
+    ----------
+    alone : SteadyFit
+        The joint alone.
+    kind : Kind
+        What another one is called.
+    curves : sequence of ModalCurves
+        Those that are fitted.
+    sliders : sequence of SteadyFit
+        Those beside the joint, the best first.
+    random : Generator
+        Of the starts.
+    """
+    base = alone.problem.base
+    row = tuple(modal_parameters(Iwan4, curves).values())
+    own = modal_problem(Iwan4, curves, row, base.reference)
+    names = tuple(info.name for info in IWAN_PARAMETERS)
+    # The first two of its own are the mode's frequency and damping, the base's affair.
+    problem = _problem(base, names, JointValues(own, 2), ActingJoint())
+    draws = own.spread(drawn(row, random, STARTS))
+    others = np.asarray(_improved(own, jnp.asarray(draws)))[:, 2:]
+    strengths = np.resize(_STRENGTHS, STARTS)[:, None]
+    others = np.where([name in ("F_S", "K_T") for name in own.names[2:]], strengths, 1.0) * others
+    starts = np.column_stack([np.tile(alone.theta[:-1], (STARTS, 1)), others])
+    for i, fit in enumerate(sliders[: _JOINT_RUNS - 1]):
+        starts[-1 - i * STARTS // _JOINT_RUNS] = np.append(_stuck(fit), as_slider(fit))
+    return searched(PlacedEffect(kind), problem, starts, _JOINT_RUNS)
+
+
+def fit_coupled(
+    base: ModalProblem,
+    own: ModalProblem,
+    joint: np.ndarray,
+    draws: np.ndarray,
+    kind: Kind,
+    interacting: InteractingMode,
+) -> ModeFit | None:
+    r"""The joint and another mode that moves it; None where that did not move at all.
+
+    Hits that another mode makes differ are taken to repeat badly by whom does not know of it: the
+    deviations :math:`s` of ``base`` hold their scatter. The other mode has to explain it within
+    the estimator's own, :math:`\sigma`, but for a common factor T. Both are Gaussian, so that
+    :math:`\sum e^2/s^2` of the joint alone is to be compared with
+
+    .. math:: \frac{1}{T}\sum\frac{e^2}{\sigma^2} + N \ln T + 2 \sum\ln\frac{\sigma}{s},
+              \qquad T = \max\left(1, \frac{1}{N}\sum\frac{e^2}{\sigma^2}\right)
+
+    Parameters
+    ----------
+    base : ModalProblem
+        The joint alone.
+    own : ModalProblem
+        The same with the estimator's deviations; ``base`` itself where these are the same.
+    joint : (parameters,) array
+        Where the joint alone ended.
+    draws : (starts, parameters) array
+        Others to begin with: where the other mode moves the joint more than its own, the joint
+        alone ends far from the truth.
+    kind : Kind
+        What it is called.
+    interacting : InteractingMode
+        The other mode.
+    """
+
+    def moved(base: ModalProblem) -> ModeProblem:
+        measured = base.measured
+        acting = ActingMode.of(interacting, _omega(measured), len(measured.slices))
+        return _problem(base, ("ratio",), Size(jnp.ones(()), jnp.ones(())), acting)
+
+    if not any(np.any(each > 0.0) for each in interacting.amplitude[: len(base.measured.slices)]):
+        return None
+    joints = np.concatenate([joint[None], draws[::_EVERY]])
+    starts = np.concatenate(
+        [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in _RATIOS]
+    )
+    effect = PlacedEffect(kind)
+    first = searched(effect, moved(base), starts, len(_RATIOS), len(starts), _ROUGH)
+    starts = np.tile(first.theta, (len(_NEARER), 1))
+    starts[:, -1] *= _NEARER
+    fit = searched(effect, moved(own), starts, 1, len(starts), _FINE)
+    return replace(fit, cost=_worth(base, own, fit.left))
+
+
+def _worth(base: ModalProblem, own: ModalProblem, left: float) -> float:
+    """A sum of squares over own deviations, as one over the base's."""
+    if own is base:
+        return left
+    deviations = [
+        np.concatenate([np.asarray(each.frequency_std), np.asarray(each.damping_std)])
+        for each in (own.measured, base.measured)
+    ]
+    count = len(deviations[0])
+    factor = max(1.0, left / count)
+    narrower = float(np.sum(np.log(deviations[0] / deviations[1])))
+    return left / factor + count * math.log(factor) + 2.0 * narrower
+
+
+def _with_force(base: ModalProblem, unit: Beside, scale: float, positive: bool) -> ModeProblem:
+    size = Size(jnp.asarray(scale), jnp.asarray(float(positive)))
+    return _problem(base, ("size",), size, ActingForce(unit))
+
+
+def _problem(
+    base: ModalProblem, names: tuple[str, ...], values: Size | JointValues, acting: AbstractActing
+) -> ModeProblem:
+    return ModeProblem(
         measured=base.measured,
         chart=base.chart,
-        names=(*base.names, "size"),
+        names=(*base.names, *names),
         reference=base.reference,
         base=base,
-        unit=unit,
-        scale=jnp.asarray(scale),
-        positive=jnp.asarray(float(positive)),
+        beside=values,
+        acting=acting,
     )
-    cost, theta = least_cost(problem, starts, STARTS, _RUNS)
-    return CurveFit(force, problem, theta, cost)
 
 
 def _largest(measured: Measured, unit: Beside) -> float:
@@ -251,9 +338,25 @@ def _largest(measured: Measured, unit: Beside) -> float:
     return min(each)
 
 
-def _nothing(levels: int) -> Beside:
-    return Beside(jnp.zeros((3, levels)), jnp.zeros(levels), jnp.zeros(levels))
+def _stuck(fit: ModeFit) -> np.ndarray:
+    """The joint's parameters, f_0 with the slider stuck."""
+    theta = fit.theta[:-1].copy()
+    theta[0] = math.sqrt(theta[0] ** 2 + float(fit.theta[-1]) / (2.0 * math.pi) ** 2)
+    return theta
 
 
 def _omega(measured: Measured) -> float:
+    """Circular frequency of the cycles that forces are worked out for, rad/s."""
     return 2.0 * math.pi * float(np.mean(np.asarray(measured.frequency)))
+
+
+@eqx.filter_jit
+def _improved(own: ModalProblem, draws: Array) -> Array:
+    return jax.vmap(own.improved)(draws)
+
+
+@eqx.filter_jit
+def _at(
+    problem: ModeProblem, theta: Array, q: Array, acting: AbstractActing, largest: Array | None
+) -> tuple[Array, Array]:
+    return problem.at(theta, q, acting, largest)

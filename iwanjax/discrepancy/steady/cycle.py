@@ -1,15 +1,23 @@
-"""What a force does to one mode over a steady cycle: stiffness, stiffness at the tip, loss."""
+"""What a force, or another mode, does to one mode over a steady motion: stiffness and loss."""
 
+import abc
 import math
 from functools import partial
+from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import ForceKind, PlaceMotion
-from iwanjax.quasistatic.modal import Beside
+from iwanjax.discrepancy.effects import ForceKind
+from iwanjax.discrepancy.steady.fit import PlacedEffect
+from iwanjax.joints import AbstractJoint, Iwan4
+from iwanjax.joints.force_law import PlaceMotion
+from iwanjax.quasistatic.modal import Beside, ModalOscillator, about
+from iwanjax.quasistatic.single_harmonic import AbstractCyclic
+from iwanjax.updating.interpolate import cubic
 
 # Steps of a cycle; the first cycle lets sliders and dashpots settle.
 _STEPS, _CYCLES = 256, 2
@@ -18,6 +26,12 @@ _ROUNDING = 1e-10
 # Change over all amplitudes, relative to the largest value, below which a mode's own frequency
 # and damping at rest take all of it up.
 _CONSTANT = 1e-6
+# Of two motions: samples per cycle of the faster mode, cycles of the slower one that are averaged
+# over after some in which the sliders forget the start, and sliders of an Iwan joint.
+_SAMPLES, _AVERAGED, _SETTLING, _SLIDERS = 32, 24, 6, 100
+_BLOCK = 256
+# Phase of the other mode at the start, of a turn: no simple share of one.
+_PHASE = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 def beside(kind: ForceKind, shape: float, q: np.ndarray, omega: float | np.ndarray) -> Beside:
@@ -91,3 +105,215 @@ def shows(unit: Beside, q: np.ndarray) -> bool:
     seen = (np.asarray(unit.stiffness)[1], np.asarray(unit.loss) / q[1] ** 2)
     largest = max(float(np.max(np.abs(each))) for each in (*seen, unit.tip))
     return any(float(np.ptp(each)) > _CONSTANT * largest for each in seen)
+
+
+class CyclicForce(AbstractCyclic):
+    """A force of some size, from what one of unit size does at some amplitudes.
+
+    Attributes
+    ----------
+    level : (curves, deflections) array
+        Logarithms of the amplitudes, rising; beyond them the ends' values hold.
+    unit : Beside
+        In-phase stiffness, stiffness at the tip, and loss over d^2, (curves, deflections) each.
+    size : array
+        Its size.
+    """
+
+    level: Float[Array, "curves deflections"]
+    unit: Beside
+    size: Array
+
+    def stiffness(self, d: Array) -> Array:
+        """In-phase first harmonic over d."""
+        return self._told(self.unit.stiffness, d)
+
+    def tip(self, d: Array) -> Array:
+        """Stiffness at the tips that a free decay shrinks by."""
+        return self._told(self.unit.tip, d)
+
+    def loss(self, d: Array, omega: Array) -> Array:
+        """Energy that it takes from a cycle; its unit is at the curve's own frequency."""
+        return self._told(self.unit.loss, d) * d**2
+
+    def _told(self, values: Array, d: Array) -> Array:
+        level = self.level
+        at = jnp.log(jnp.maximum(jnp.abs(d), jnp.exp(level[:, :1])))
+        return self.size * jax.vmap(cubic)(jnp.minimum(at, level[:, -1:]), level, values)
+
+
+def moved_by_both(
+    joint: AbstractJoint,
+    q: Float[Array, " N"],
+    other: Float[Array, " N"],
+    omega: Float[Array, " 2"],
+    steps: int,
+) -> Beside:
+    r"""What a second motion changes of a joint's first harmonic and loss in the first.
+
+    .. math:: d = q\cos\theta + Q\cos\Theta, \qquad
+              C = 2\,\langle F\,e^{-i\theta}\rangle, \qquad
+              k_1 = \frac{\mathrm{Re}\,C}{q}, \qquad D = \pi q\,\mathrm{Im}\,C,
+
+    less the same with Q = 0: averages over one long motion of the joint's sliders, weighted by
+    a smooth window (Das et al. 2017), as for :func:`iwanjax.coupled_modes`.
+
+    Parameters
+    ----------
+    joint : AbstractJoint
+        Per unit modal mass.
+    q, other : (N,) array
+        Amplitudes of the joint's deflection, q and Q.
+    omega : (2,) array
+        Circular frequencies of both, rad/s.
+    steps : int
+        Of the motion.
+
+    Returns
+    -------
+    Beside
+        (N,) each; of the slope at the tip the change is taken to be that of k_1.
+    """
+    element = joint.discrete(_SLIDERS)
+    dt = 2.0 * math.pi / (_SAMPLES * jnp.max(omega))
+    settling = steps * _SETTLING // _AVERAGED
+    x = (np.arange(steps) + 0.5) / steps
+    window = np.concatenate([np.zeros(settling), np.exp(-1.0 / (x * (1.0 - x)))])
+    window = jnp.asarray(2.0 * window / window.sum())
+
+    def average(one: Array, two: Array) -> Array:
+        def advance(state, k):
+            theta, Theta = omega[0] * dt * k, omega[1] * dt * k + 2.0 * math.pi * _PHASE
+            d = one * jnp.cos(theta) + two * jnp.cos(Theta)
+            v = -one * omega[0] * jnp.sin(theta) - two * omega[1] * jnp.sin(Theta)
+            reaction = element.step(d, v, dt, state[0])
+            turn = jnp.stack([jnp.cos(theta), -jnp.sin(theta)])
+            return (reaction.state, state[1] + window[k] * reaction.force * turn), None
+
+        start = (element.init(), jnp.zeros(2))
+        return jax.lax.scan(advance, start, jnp.arange(settling + steps))[0][1]
+
+    both, own = (jax.vmap(average)(q, Q) for Q in (other, jnp.zeros_like(other)))
+    k, loss = ((both - own) / q[:, None]).T * jnp.stack([jnp.ones_like(q), math.pi * q**2])
+    return Beside(jnp.broadcast_to(k, (3, *k.shape)), k, loss)
+
+
+class InteractingMode(NamedTuple):
+    """Another mode that moved while one rang down.
+
+    Attributes
+    ----------
+    name : str
+        Its own.
+    frequency : float
+        Hz.
+    amplitude : tuple of (levels,) arrays
+        Displacement at the same sensor while each curve of the one was at each of its levels, in
+        the order of the curves, those held out last.
+    """
+
+    name: str
+    frequency: float
+    amplitude: tuple[np.ndarray, ...]
+
+
+class AbstractActing(eqx.Module):
+    """What an effect does to a mode's oscillator at some levels."""
+
+    @abc.abstractmethod
+    def further(
+        self, values: Float[Array, " values"], oscillator: ModalOscillator, q: Float[Array, " N"]
+    ) -> tuple[Beside, Array | float]:
+        """At amplitudes q, and the stiffness that is part of f_0."""
+
+    @abc.abstractmethod
+    def at(
+        self, effect: PlacedEffect | None, q: Array, which: int, omega: float
+    ) -> "AbstractActing":
+        """The same at the amplitudes of the curve of this number, in cycles of omega (rad/s)."""
+
+
+class ActingForce(AbstractActing):
+    """A force: what one of unit size does."""
+
+    unit: Beside
+
+    def further(
+        self, values: Float[Array, " 1"], oscillator: ModalOscillator, q: Float[Array, " N"]
+    ) -> tuple[Beside, float]:
+        """In proportion to the size."""
+        return jax.tree.map(lambda each: values[0] * each, self.unit), 0.0
+
+    def at(self, effect: PlacedEffect | None, q: Array, which: int, omega: float) -> "ActingForce":
+        """At other amplitudes, or of another shape."""
+        return ActingForce(unit_on(effect, q, omega))
+
+
+class ActingJoint(AbstractActing):
+    """A joint left out, stuck in f_0."""
+
+    def further(
+        self, values: Float[Array, " 4"], oscillator: ModalOscillator, q: Float[Array, " N"]
+    ) -> tuple[Beside, Array]:
+        """Its slip."""
+        joint = Iwan4(*values)
+        slip = Beside(
+            joint.harmonic_stiffness(about(q)) - joint.K_T,
+            joint.tip_stiffness(q) - joint.K_T,
+            joint.dissipation(q),
+        )
+        return slip, joint.K_T
+
+    def at(self, effect: PlacedEffect | None, q: Array, which: int, omega: float) -> "ActingJoint":
+        """Everywhere."""
+        return self
+
+
+class ActingMode(AbstractActing):
+    """Another mode that moves the joint, values times its amplitude.
+
+    Attributes
+    ----------
+    other : (N,) array
+        Amplitude of the other mode at each level.
+    omega : (2,) array
+        Circular frequencies of the mode and of the other, rad/s.
+    amplitude : tuple of (levels,) arrays
+        As of :class:`InteractingMode`.
+    steps : int
+        Of the motion that is averaged over.
+    """
+
+    other: Float[Array, " N"]
+    omega: Float[Array, " 2"]
+    amplitude: tuple[Array, ...]
+    steps: int = eqx.field(static=True)
+
+    def further(
+        self, values: Float[Array, " 1"], oscillator: ModalOscillator, q: Float[Array, " N"]
+    ) -> tuple[Beside, float]:
+        """What the joint does more while both move."""
+        both = (values[0] * self.other, self.omega, self.steps)
+        return moved_by_both(oscillator.joint, q, *both), 0.0
+
+    @classmethod
+    def of(cls, interacting: InteractingMode, omega: float, curves: int) -> "ActingMode":
+        """At the levels of the first so many curves of a mode of circular frequency omega."""
+        amplitude = tuple(map(jnp.asarray, interacting.amplitude))
+        both = np.array([omega, 2.0 * math.pi * interacting.frequency])
+        # Rounded up, so that modes of about the same ratio share a kernel.
+        steps = _BLOCK * math.ceil(_AVERAGED * _SAMPLES * both.max() / both.min() / _BLOCK)
+        return cls(jnp.concatenate(amplitude[:curves]), jnp.asarray(both), amplitude, steps)
+
+    def at(self, effect: PlacedEffect | None, q: Array, which: int, omega: float) -> "ActingMode":
+        """While the other mode had the amplitude that it had then."""
+        return eqx.tree_at(lambda each: each.other, self, self.amplitude[which])
+
+
+def unit_on(effect: PlacedEffect | None, q: Array, omega: float) -> Beside:
+    """What a force of unit size does; nothing without one."""
+    if effect is None:
+        nothing = jnp.zeros(q.shape)
+        return Beside(jnp.zeros((3, *q.shape)), nothing, nothing)
+    assert isinstance(effect.kind, ForceKind)
+    return beside(effect.kind, effect.shape, np.asarray(about(q)), omega)

@@ -1,30 +1,24 @@
 """Is anything missing from a structure, by measured curves of its modes."""
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 
-import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis, Score
-from iwanjax.discrepancy.effects import ForceKind, kinds_of
-from iwanjax.discrepancy.steady.concluding import concluded, parameters_refitted
-from iwanjax.discrepancy.steady.curve_run import CurveRun, ModesRun
-from iwanjax.discrepancy.steady.differences import clear_differences
-from iwanjax.discrepancy.steady.left_out import AddedJoint, joint_estimates, joint_kind
+from iwanjax.discrepancy.steady.fit import PlacedEffect
 from iwanjax.discrepancy.steady.modes import (
     STARTS,
-    Looked,
+    JointsAlone,
     ModesFit,
-    glanced,
     modes_alone,
     modes_beside,
+    modes_with_joint,
+    scored,
 )
-from iwanjax.discrepancy.steady.modes_with_joint import modes_with_joint
-from iwanjax.discrepancy.steady.one_joint import Ranking, estimates_of
-from iwanjax.discrepancy.steady.starts import slopes
+from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun, clear_differences
+from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
@@ -115,11 +109,8 @@ def diagnose_modes(
         When JAX computes in float32.
     """
     require_double_precision("diagnose_modes")
-    started = time.perf_counter()
-    # A one-sided variant has the two-sided one's curves at half the size.
-    forces = [
-        each for each in kinds_of(hypotheses) if isinstance(each, ForceKind) and not each.variant
-    ]
+    trials = Trials[ModesFit](budget, progress)
+    forces = forces_of(hypotheses, variants=False)
     modes, others = _checked(curves, held_out or {})
     rows = {label: _row(structure, label, row) for label, row in places.items()}
     if not rows:
@@ -130,67 +121,56 @@ def diagnose_modes(
     base = structural_problem(structure, several, row, modes, None, groups, reference)
     random = np.random.default_rng(seed)
     draws = drawn(row, random, max(starts, STARTS)) if row else np.zeros((STARTS, 0))
-    progress(f"fitting the joints alone to {len(modes)} mode(s)")
+    trials.say(f"fitting the joints alone to {len(modes)} mode(s)")
     alone = modes_alone(base, draws)
     if not math.isfinite(alone.cost):
         raise InputError(
             "diagnose_modes: no start gave finite residuals; are the amplitudes in the unit that "
             "the model is in?"
         )
-    looked = Looked.at(alone)
-    glances: list[ModesFit] = []
-    unseen, complete = [], True
-    for force in forces:
-        if time.perf_counter() - started >= budget:
-            complete = False
-            break
-        progress(f"looking for {force.name} at {len(rows)} place(s)")
-        each = [glanced(looked, force, label, inside) for label, inside in rows.items()]
-        seen = [glance for glance in each if glance is not None]
-        glances += seen
-        unseen += [] if seen else [force.name]
-    found: list[ModesFit] = []
-    for glance in _worth_a_fit(glances):
-        if time.perf_counter() - started >= budget:
-            complete = False
-            break
-        assert glance.force is not None
-        progress(f"with {glance.force.kind.name} at {glance.force.where}")
-        fit = modes_beside(alone, glance, draws)
-        if math.isfinite(fit.cost):
-            found.append(fit)
-    more = joint_kind(hypotheses)
-    for place in _joint_places(rows, glances) if more is not None else ():
-        if time.perf_counter() - started >= budget:
-            complete = False
-            break
-        assert more is not None
-        progress(f"with a joint left out at {place[0]}")
-        fit = modes_with_joint(alone, more, place, several, row, groups, found)
-        if fit is not None and math.isfinite(fit.cost):
-            found.append(fit)
-    standing = Ranking.of(alone, found)
-    before = _run(alone, several, others)
+    joints = JointsAlone.of(alone)
+    scores: list[ModesFit] = []
+    for force in trials.in_time(
+        forces, lambda force: f"looking for {force.name} at {len(rows)} place(s)"
+    ):
+        each = [scored(joints, force, label, inside) for label, inside in rows.items()]
+        seen = [score for score in each if score is not None]
+        scores += seen
+        trials.unseen += [] if seen else [force.name]
+    trials.fit(
+        _worth_a_fit(scores),
+        lambda score: f"with {_effect(score).kind.name} at {_effect(score).where}",
+        lambda score: modes_beside(alone, score, draws),
+    )
+    for more in kinds_named("iwan_joint", hypotheses):
+        trials.fit(
+            _joint_places(rows, scores),
+            lambda place: f"with a joint left out at {place[0]}",
+            lambda place, more=more: modes_with_joint(
+                alone, more, place, several, row, groups, trials.sliders(place[0])
+            ),
+        )
+
+    def run(fit: ModesFit, chosen: ModesFit) -> ModesRun:
+        each = [
+            CurveRun.of((own, *held), fit.predicted((own, *held), i), 1)
+            for i, (own, held) in enumerate(zip(several, others, strict=True))
+        ]
+        return ModesRun(tuple(each), tuple(f"mode {mode}" for mode in modes))
+
     return concluded(
-        standing,
+        trials,
+        alone,
         "",
-        lambda fit: (before, _run(fit, several, others)),
-        len(modes),
-        lambda fit: (
-            joint_estimates(fit) if isinstance(fit.force, AddedJoint) else estimates_of(fit)
-        ),
+        run,
+        row,
         observables=lambda before: tuple(
             each
-            for mode, run, called in zip(modes, before.modes, before.labels, strict=True)
-            for each in clear_differences(run, mode, called)
+            for mode, of_mode, called in zip(modes, before.modes, before.labels, strict=True)
+            for each in clear_differences(of_mode, mode, called)
         ),
-        scores=_scores(alone, glances),
-        joints=lambda fit: parameters_refitted(
-            fit, np.asarray(slopes(fit.problem, jnp.asarray(fit.theta))), row, "", fit.given
-        ),
-        warnings=lambda _: _unseen(list(dict.fromkeys(unseen))),
-        complete=complete,
-        seconds=time.perf_counter() - started,
+        scores=_drops(alone, scores),
+        warnings=lambda _: _unseen(list(dict.fromkeys(trials.unseen))),
     )
 
 
@@ -256,45 +236,37 @@ def _row(structure: JointedStructure, label: str, given: ArrayLike) -> np.ndarra
     return row
 
 
-def _worth_a_fit(glances: Sequence[ModesFit]) -> list[ModesFit]:
+def _effect(score: ModesFit) -> PlacedEffect:
+    assert score.effect is not None
+    return score.effect
+
+
+def _worth_a_fit(scores: Sequence[ModesFit]) -> list[ModesFit]:
     """The best of all, and the best of each kind, in the order that they were looked for."""
-    ranked = sorted(glances, key=lambda each: each.cost)
+    ranked = sorted(scores, key=lambda each: each.cost)
     first: dict[str, ModesFit] = {}
-    for glance in ranked:
-        assert glance.force is not None
-        first.setdefault(glance.force.kind.name, glance)
+    for score in ranked:
+        first.setdefault(_effect(score).kind.name, score)
     chosen = [*ranked[:_REFITS], *first.values()]
-    return [glance for glance in glances if any(glance is each for each in chosen)]
+    return [score for score in scores if any(score is each for each in chosen)]
 
 
 def _joint_places(
-    rows: Mapping[str, np.ndarray], glances: Sequence[ModesFit]
+    rows: Mapping[str, np.ndarray], scores: Sequence[ModesFit]
 ) -> list[tuple[str, np.ndarray]]:
     """Where a joint left out is tried: where single forces promise most."""
-    ranked = sorted(glances, key=lambda each: each.cost)
-    labels = dict.fromkeys(each.force.where for each in ranked if each.force is not None)
+    ranked = sorted(scores, key=lambda each: each.cost)
+    labels = dict.fromkeys(_effect(each).where for each in ranked)
     chosen = [*labels, *(label for label in rows if label not in labels)][:_JOINT_PLACES]
     return [(label, rows[label]) for label in chosen]
 
 
-def _run(
-    fit: ModesFit, several: Sequence[ModalCurves], others: Sequence[Sequence[ModalCurves]]
-) -> ModesRun:
-    runs = []
-    for i, (own, held) in enumerate(zip(several, others, strict=True)):
-        measured = (own, *held)
-        runs.append(CurveRun.of(measured, fit.predicted(i, measured), 1))
-    modes = fit.problem.base.modes
-    return ModesRun(tuple(runs), tuple(f"mode {mode}" for mode in modes))
-
-
-def _scores(alone: ModesFit, glances: Sequence[ModesFit]) -> tuple[Score, ...]:
+def _drops(alone: ModesFit, scores: Sequence[ModesFit]) -> tuple[Score, ...]:
     """What each force would explain of what the joints alone leave, the most first."""
     found = []
-    for glance in glances:
-        assert glance.force is not None
-        drop = max(0.0, 1.0 - glance.cost / alone.cost)
-        found.append(Score(glance.force.kind.name, glance.force.where, drop))
+    for score in scores:
+        kind, _, where = _effect(score)
+        found.append(Score(kind.name, where, max(0.0, 1.0 - score.cost / alone.cost)))
     return tuple(sorted(found, key=lambda score: -score.drop))
 
 

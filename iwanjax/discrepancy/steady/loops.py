@@ -1,8 +1,8 @@
-"""Loops of a joint on its own, with a force beside it."""
+"""Loops of a joint on its own, with a force or another joint beside it."""
 
+import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import equinox as eqx
@@ -11,27 +11,33 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import ForceKind, PlaceMotion, Scales
-from iwanjax.discrepancy.evidence import correlation_time
-from iwanjax.discrepancy.steady.one_joint import (
-    Deviations,
-    PlacedForce,
-    best_of,
-    deviations_of,
-    over_shapes,
-    to_size,
-    to_variable,
+from iwanjax.discrepancy.effects import ForceKind, Kind
+from iwanjax.discrepancy.steady.fit import (
+    STARTS,
+    AbstractSteadyProblem,
+    JointValues,
+    PlacedEffect,
+    Size,
+    SteadyFit,
+    as_slider,
+    best_shape,
+    joints_to_begin_with,
+    searched,
+    with_sizes,
 )
-from iwanjax.discrepancy.steady.starts import least_cost, slopes
-from iwanjax.joints import AbstractJoint
+from iwanjax.joints import AbstractJoint, Iwan4
+from iwanjax.joints.force_law import PlaceMotion, Scales
 from iwanjax.joints.hysteresis import hysteresis
+from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.updating.parameters import Chart, Parameter
-from iwanjax.updating.problem import AbstractLeastSquares
+from iwanjax.updating.structural import joint_parameters
 
-# Starts of one search and those of them that are run, and the spread of the sizes to start from
-# over the largest that is plausible.
-_STARTS, _RUNS, _SPREAD = 16, 3, 0.5
+# Starts that are run of a search with a force, and with a joint left out.
+_FORCE_RUNS, _JOINT_RUNS = 3, 4
+# Shares of the largest force, and deflections over the largest, at which the other joint slips to
+# begin with.
+_SHARES, _SLIPS = (0.5, 0.1), (1.0, 0.1, 0.3, 3.0)
 # No force is taken to be known better than to this share of its root mean square.
 _BEST = 1e-3
 # Values of each loop that are fitted: its turns, and as many between them as draw it.
@@ -103,114 +109,74 @@ def _drawing(d: np.ndarray, most: float) -> np.ndarray:
     return np.unique([0, *ends, d.size - 1])
 
 
-class JointAndForce(AbstractLeastSquares):
-    """A joint and a force of some size beside it, held against loops.
+class LoopProblem(AbstractSteadyProblem):
+    """A joint and what acts beside it, held against loops.
 
-    Parameters are the joint's and the size. The force itself is data, so that all kinds share
-    one compiled search. Every loop has an offset of its own, for a load cell's zero.
+    Parameters are the joint's and the effect's values. Every loop has an offset of its own, for a
+    load cell's zero.
+
+    Attributes
+    ----------
+    unit : (loops, N) array
+        A force of unit size; zero where another joint acts.
     """
 
     chart: Chart
     names: tuple[str, ...] = eqx.field(static=True)
+    base: Chart
+    beside: Size | JointValues
     joint: AbstractJoint
     loops: LoopHistories
     unit: Float[Array, "loops N"]
-    scale: Array
-    positive: Array
 
-    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
-        """The chart's, and the size."""
-        size = to_size(z[-1], self.scale, self.positive)
-        return jnp.append(self.chart.to_values(z[:-1]), size)
+    @property
+    def count(self) -> int:
+        """Forces."""
+        return int(np.count_nonzero(np.asarray(self.loops.weight)))
 
-    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
-        """The inverse of :meth:`to_values`."""
-        variable = to_variable(theta[-1], self.scale, self.positive)
-        return jnp.append(self.chart.to_variables(theta[:-1]), variable)
-
-    def predict(self, theta: Float[Array, " parameters"]) -> Float[Array, "loops N"]:
-        """Forces, without offsets."""
-        joint = type(self.joint)(**dict(zip(self.names[:-1], theta[:-1], strict=True)))
-        return hysteresis(joint, self.loops.d, sliders=None) + theta[-1] * self.unit
+    def forces(self, theta: Float[Array, " parameters"]) -> Float[Array, "loops N"]:
+        """Predicted, without offsets."""
+        n, d = self.beside.count, self.loops.d
+        joint = type(self.joint)(**dict(zip(self.names[:-n], theta[:-n], strict=True)))
+        own = hysteresis(joint, d, sliders=None)
+        if isinstance(self.beside, JointValues):
+            return own + hysteresis(Iwan4(*theta[-n:]), d, sliders=None)
+        return own + theta[-1] * self.unit
 
     def residuals(self, theta: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
         """Predicted less measured over deviations, each loop without its mean."""
-        off, weight = self.predict(theta) - self.loops.force, self.loops.weight
+        off, weight = self.forces(theta) - self.loops.force, self.loops.weight
         count = jnp.maximum(jnp.sum(weight > 0, axis=1, keepdims=True), 1)
         mean = jnp.sum(jnp.where(weight > 0, off, 0.0), axis=1, keepdims=True) / count
         return jnp.ravel((off - mean) * weight)
 
+    def series(self, residuals: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Of each loop that was fitted."""
+        weight = np.asarray(self.loops.weight)
+        rows = zip(residuals.reshape(weight.shape), weight, strict=True)
+        return tuple(row[w > 0][:, None] for row, w in rows if w.any())
 
-@dataclass(frozen=True, eq=False)
-class LoopFit:
-    """Loops explained by a joint and at most one force.
+    def reshaped(self, effect: PlacedEffect) -> "LoopProblem":
+        """The same with a force of another shape."""
+        return eqx.tree_at(lambda p: p.unit, self, unit_of(effect, self.loops.d))
 
-    Attributes
-    ----------
-    force : PlacedForce or None
-        None for the joint alone.
-    problem : JointAndForce
-        What was searched.
-    theta : (parameters,) array
-        Where it ended; the last is the force's size.
-    cost : float
-        Sum of squared residuals over their deviations.
-    """
-
-    force: PlacedForce | None
-    problem: JointAndForce
-    theta: np.ndarray
-    cost: float
-
-    @property
-    def unknowns(self) -> int:
-        """Values that were adjusted."""
-        own = 0 if self.force is None else 1 + (self.force.kind.shape is not None)
-        return len(self.problem.chart.free) + own
-
-    @property
-    def count(self) -> int:
-        """Values that were measured."""
-        return int(np.count_nonzero(np.asarray(self.problem.loops.weight)))
-
-    def forces(self, loops: LoopHistories) -> np.ndarray:
-        """Predicted, without offsets, (loops, N)."""
-        unit = (
-            0.0 * loops.d
-            if self.force is None
-            else unit_of(self.force.kind, self.force.shape, loops.d)
-        )
-        along = eqx.tree_at(lambda p: (p.loops, p.unit), self.problem, (loops, unit))
-        return np.asarray(_predicted(along, jnp.asarray(self.theta)))
-
-    def correlation(self) -> float:
-        """Correlation time of the residuals in values, mean over the loops."""
-        loops = self.problem.loops
-        weight = np.asarray(loops.weight)
-        off = (self.forces(loops) - np.asarray(loops.force)) * weight
-        used = [row[w > 0][None, :, None] for row, w in zip(off, weight, strict=True) if w.any()]
-        return float(np.mean([correlation_time(row - row.mean()) for row in used]))
-
-    def deviations(self) -> Deviations:
-        """Of the force's size and shape, linearised; NaN without one."""
-        theta = jnp.asarray(self.theta)
-        return deviations_of(
-            self.force,
-            lambda: np.asarray(slopes(self.problem, theta)),
-            lambda factor: np.asarray(_residuals(self._reshaped(factor), theta)),
-            self.cost,
-            self.correlation(),
-        )
-
-    def _reshaped(self, factor: float) -> JointAndForce:
-        assert self.force is not None
-        unit = unit_of(self.force.kind, self.force.shape * factor, self.problem.loops.d)
-        return eqx.tree_at(lambda p: p.unit, self.problem, unit)
+    def predicted(
+        self, theta: Array, effect: PlacedEffect | None, measured: LoopHistories, which: int
+    ) -> tuple[np.ndarray, ...]:
+        """Forces along other deflections, without offsets."""
+        both = (measured, unit_of(effect, measured.d))
+        along = eqx.tree_at(lambda p: (p.loops, p.unit), self, both)
+        return tuple(np.asarray(_forces(along, theta)))
 
 
-def unit_of(kind: ForceKind, shape: float, d: Float[Array, "loops N"]) -> Float[Array, "loops N"]:
-    """A force of unit size along deflections that are run through slowly."""
-    return _along(kind, jnp.asarray(shape), d, jnp.ones(()))
+LoopFit = SteadyFit[LoopProblem]
+
+
+def unit_of(effect: PlacedEffect | None, d: Float[Array, "loops N"]) -> Float[Array, "loops N"]:
+    """A force of unit size along deflections that are run through slowly; zero without one."""
+    if effect is None or not isinstance(effect.kind, ForceKind):
+        return jnp.zeros_like(d)
+    return _along(effect.kind, jnp.asarray(effect.shape), d, jnp.ones(()))
 
 
 def quasi_static(kind: ForceKind, d: Float[Array, "loops N"]) -> bool:
@@ -238,11 +204,16 @@ def loops_alone(
     joint: AbstractJoint, parameters: Sequence[Parameter], loops: LoopHistories, draws: np.ndarray
 ) -> LoopFit:
     """The joint alone, from draws of its parameters (starts, parameters)."""
-    names = (*(p.name.rpartition(".")[2] for p in parameters), "size")
-    problem = JointAndForce(
-        Chart(parameters), names, joint, loops, 0.0 * loops.d, jnp.ones(()), jnp.zeros(())
+    problem = LoopProblem(
+        chart=Chart(parameters),
+        names=(*(p.name.rpartition(".")[2] for p in parameters), "size"),
+        base=Chart(parameters),
+        beside=Size(jnp.ones(()), jnp.zeros(())),
+        joint=joint,
+        loops=loops,
+        unit=jnp.zeros_like(loops.d),
     )
-    return _searched(None, problem, np.column_stack([draws, np.zeros(len(draws))]))
+    return searched(None, problem, np.column_stack([draws, np.zeros(len(draws))]), _FORCE_RUNS)
 
 
 def loops_beside(
@@ -252,41 +223,65 @@ def loops_beside(
     loops = alone.problem.loops
     if not quasi_static(kind, loops.d):
         return None
-    few = np.tile(alone.theta[:-1], (_STARTS, 1))
-    few[::2] = draws[np.linspace(0, len(draws) - 1, _STARTS // 2).astype(int)]
+    few = joints_to_begin_with(alone, draws)
 
     def at(shape: float) -> LoopFit | None:
-        unit = unit_of(kind, shape, loops.d)
+        effect = PlacedEffect(kind, shape)
+        unit = unit_of(effect, loops.d)
         most = float(jnp.max(jnp.abs(unit)))
         if most == 0.0:
             return None
         largest = float(jnp.max(jnp.abs(loops.force))) / most
-        sizes = _SPREAD * largest * random.standard_normal(_STARTS)
-        problem = eqx.tree_at(
-            lambda p: (p.unit, p.scale, p.positive),
-            alone.problem,
-            (unit, jnp.asarray(largest), jnp.asarray(float(kind.positive))),
-        )
-        sizes = np.abs(sizes) if kind.positive else sizes
-        return _searched(PlacedForce(kind, shape), problem, np.column_stack([few, sizes]))
+        size = Size(jnp.asarray(largest), jnp.asarray(float(kind.positive)))
+        problem = eqx.tree_at(lambda p: (p.unit, p.beside), alone.problem, (unit, size))
+        return searched(effect, problem, with_sizes(few, kind, largest, random), _FORCE_RUNS)
 
-    begin = kind.shapes(Scales(loops.largest, 1.0))
-    if kind.shape is not None:
-        found = over_shapes(begin, at)
-        return best_of(found) if found else None
-    return at(begin[0])
+    return best_shape(kind, kind.shapes(Scales(loops.largest, 1.0)), at)
 
 
-def _searched(force: PlacedForce | None, problem: JointAndForce, starts: np.ndarray) -> LoopFit:
-    cost, theta = least_cost(problem, starts, _STARTS, _RUNS)
-    return LoopFit(force, problem, theta, cost)
+def loops_with_joint(alone: LoopFit, kind: Kind, sliders: Sequence[LoopFit]) -> LoopFit:
+    """The joint and another one.
+
+    From other joints of some strengths and slips, and from the sliders that were found beside
+    the joint: what a joint has for its limit never fits better than it.
+
+    Parameters
+    ----------
+    alone : SteadyFit
+        The joint alone.
+    kind : Kind
+        What another one is called.
+    sliders : sequence of SteadyFit
+        Those beside the joint, the best first.
+    """
+    base = alone.problem
+    force, deflection = float(jnp.ptp(base.loops.force)) / 2.0, base.loops.largest
+    given = joint_parameters("other", Iwan4(*_joint(0.5 * force, deflection)))
+    problem = LoopProblem(
+        chart=base.chart,
+        names=(*base.names[:-1], *(info.name for info in IWAN_PARAMETERS)),
+        base=base.base,
+        beside=JointValues(Chart(tuple(given.values())), 0),
+        joint=base.joint,
+        loops=base.loops,
+        unit=jnp.zeros_like(base.loops.d),
+    )
+    others = [
+        _joint(share * force, slip * deflection)
+        for share, slip in itertools.product(_SHARES, _SLIPS)
+    ]
+    starts = [np.append(alone.theta[:-1], other) for other in others]
+    for fit in sliders[: _JOINT_RUNS - 1]:
+        starts.insert(0, np.append(fit.theta[:-1], as_slider(fit)))
+    rows = np.resize(np.array(starts), (STARTS, len(starts[0])))
+    return searched(PlacedEffect(kind), problem, rows, _JOINT_RUNS)
+
+
+def _joint(F_S: float, slip: float) -> np.ndarray:
+    """Parameters of a joint of some strength, whose mean slider slips at a deflection."""
+    return np.array([F_S, F_S / slip, -0.5, 1.0])
 
 
 @eqx.filter_jit
-def _predicted(problem: JointAndForce, theta: Array) -> Array:
-    return problem.predict(theta)
-
-
-@eqx.filter_jit
-def _residuals(problem: JointAndForce, theta: Array) -> Array:
-    return problem.residuals(theta)
+def _forces(problem: LoopProblem, theta: Array) -> Array:
+    return problem.forces(theta)

@@ -1,8 +1,9 @@
-"""Curves of a structure's modes, with a force at one of its places beside the joints."""
+"""Curves of a structure's modes, with a force or a joint left out at one of its places."""
 
+import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,25 +13,28 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.effects import ForceKind, Scales
-from iwanjax.discrepancy.evidence import correlation_time
-from iwanjax.discrepancy.steady.cycle import beside
-from iwanjax.discrepancy.steady.force_at_place import WithForceAt
-from iwanjax.discrepancy.steady.left_out import VALUES, AddedJoint
-from iwanjax.discrepancy.steady.one_joint import (
-    Deviations,
-    PlacedForce,
-    best_of,
-    deviations_of,
-    linearised,
-    over_shapes,
-    shapes_near,
+from iwanjax.discrepancy.effects import ForceKind, Kind
+from iwanjax.discrepancy.steady.curves import AbstractCurvesProblem, as_measured
+from iwanjax.discrepancy.steady.cycle import CyclicForce, beside
+from iwanjax.discrepancy.steady.fit import (
+    JOINT_VALUES,
+    JointValues,
+    PlacedEffect,
+    Size,
+    SteadyFit,
+    as_slider,
+    best_shape,
+    best_shape_near,
+    searched,
 )
-from iwanjax.discrepancy.steady.starts import least_cost, slopes
+from iwanjax.joints import AbstractJoint, Iwan4
+from iwanjax.joints.force_law import Scales
 from iwanjax.quasistatic.modal import Beside, about
-from iwanjax.quasistatic.single_harmonic import Backbones
-from iwanjax.updating.problem import Measured
-from iwanjax.updating.structural import StructuralProblem
+from iwanjax.quasistatic.single_harmonic import Backbones, OfJoint, backbones
+from iwanjax.structures import JointedStructure
+from iwanjax.updating.parameters import Chart, Parameter
+from iwanjax.updating.problem import Measured, Reference
+from iwanjax.updating.structural import StructuralProblem, joint_parameters, structural_problem
 
 # Deflections that a force is worked out for, and how far they reach beyond what the joints alone
 # let happen.
@@ -38,163 +42,172 @@ _DEFLECTIONS, _REACH = 64, 3.0
 # Starts of one search and those that are run: all searches share one compiled kernel.
 STARTS, _RUNS = 8, 2
 # Largest change that a force may make at first: of a frequency's square, and of damping over the
-# largest measured. Sizes tried at a glance: decades below it, each so often.
+# largest measured. Sizes of a score: decades below it, each so often.
 _SOFTEST, _DAMPED, _DECADES, _EACH = 0.5, 2.0, 4, 3
-# Sizes of the starts of a refit, over the one that a glance likes best.
+# Sizes of the starts of a refit, over the one of the best score.
 _SIZES = (1.0, 0.5, 2.0, 0.1)
+# What a joint left out is called within the structure: one name, for one kernel.
+_LABEL = "left out"
+# Stiffnesses to begin with, over that by which a spring would change the modes as much as
+# amplitude does; and deflections at which all slips, over the largest there.
+_STIFFNESSES, _SLIPS = (1.0, 0.1, 10.0), (1.0, 0.1, 10.0)
+# Strengths and betas of a second search over what the first one found: far below macroslip they
+# lie in a long valley, along which a search ends anywhere.
+_AGAIN = (
+    (1.0, 1.0),
+    (0.7, 1.0),
+    (0.5, 1.0),
+    (0.5, 2.0),
+    (1.4, 1.0),
+    (2.0, 1.0),
+    (2.0, 0.5),
+    (1.0, 2.0),
+)
 
 
-@dataclass(frozen=True, eq=False)
-class ModesFit:
-    """A structure's curves explained by its joints and at most one force.
+class ModesProblem(AbstractCurvesProblem):
+    """A structure's joints and a force of some size at one place, against its modes' curves.
+
+    Each mode moves on its own, as :func:`~iwanjax.quasistatic.single_harmonic.backbones` says.
+    A joint left out is one of the structure's own.
 
     Attributes
     ----------
-    force : PlacedForce, AddedJoint or None
-        None for the joints alone; a joint left out is one of the structure's own.
-    problem : WithForceAt
-        What was searched.
-    theta : (parameters,) array
-        Where it ended; the last is the force's size.
-    cost : float
-        Sum of squared residuals over their deviations.
+    row : (modes,) array
+        Deflection of the force's place per unit modal displacement.
+    level, unit : as of :class:`~iwanjax.discrepancy.steady.cycle.CyclicForce`
+    added : tuple of int
+        Where in theta the values of a joint left out are.
     """
 
-    force: PlacedForce | AddedJoint | None
-    problem: WithForceAt
-    theta: np.ndarray
-    cost: float
+    measured: Measured
+    chart: Chart
+    names: tuple[str, ...] = eqx.field(static=True)
+    reference: Reference = eqx.field(static=True)
+    base: StructuralProblem
+    beside: Size | JointValues
+    row: Float[Array, " modes"]
+    level: Float[Array, "curves deflections"]
+    unit: Beside
+    added: tuple[int, ...] = eqx.field(static=True, default=())
 
     @property
-    def unknowns(self) -> int:
-        """Values that were adjusted."""
-        own = 1 + (self.force.kind.shape is not None) if isinstance(self.force, PlacedForce) else 0
-        shifts = len(self.problem.base.modes) * (self.problem.reference == "shift")
-        return len(self.problem.base.chart.free) + shifts + own
+    def places(self) -> np.ndarray:
+        """Where in theta the effect's values are."""
+        return np.array(self.added or (len(self.names) - 1,))
 
-    @property
-    def count(self) -> int:
-        """Values that were measured."""
-        return 2 * self.problem.measured.q.size
+    def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
+        """What ring-downs show at the measured amplitudes."""
+        return self.at_levels(self.cycles(theta, self.base.levels))
 
-    def residuals(self) -> tuple[np.ndarray, ...]:
-        """Of each curve over its deviations, frequency and damping side by side."""
-        both = np.stack([np.asarray(x) for x in self.problem.compared(*self._prediction())], axis=1)
-        return tuple(both[part] for part in self.problem.measured.slices)
+    def at_levels(self, found: Backbones) -> tuple[Array, Array]:
+        """Frequency and damping at the measured levels, of all levels of all modes."""
+        there = (self.base.curve, self.base.level)
+        return found.frequency[there], found.damping[there]
 
-    def _prediction(self) -> tuple[Array, Array]:
-        return _at_levels(self.problem, self.theta)
-
-    def correlation(self) -> float:
-        """Correlation time of the residuals in levels, mean over the curves."""
-        return float(np.mean([correlation_time(each[None]) for each in self.residuals()]))
-
-    def deviations(self) -> Deviations:
-        """Of the force's size and shape, linearised; NaN without one."""
-        force = self.force if isinstance(self.force, PlacedForce) else None
-
-        def reshaped(factor: float) -> np.ndarray:
-            assert isinstance(self.force, PlacedForce)
-            force = self.force._replace(shape=self.force.shape * factor)
-            unit = _unit(force, self.problem.level, self.problem.measured)
-            changed = eqx.tree_at(lambda p: p.unit, self.problem, unit)
-            moved = replace(self, force=force, problem=changed)
-            return np.concatenate(moved.residuals()).T.ravel()
-
-        return deviations_of(
-            force,
-            lambda: np.asarray(slopes(self.problem, jnp.asarray(self.theta))),
-            reshaped,
-            self.cost,
-            self.correlation(),
+    def cycles(self, theta: Float[Array, " parameters"], q: Array) -> Backbones:
+        """Frequency and damping at modal displacements (curves, levels)."""
+        base = self.base
+        structure = base.jointed(theta[:-1])
+        basis, modes = structure.basis, jnp.asarray(base.modes)
+        force = CyclicForce(self.level, self.unit, theta[-1])
+        return backbones(
+            basis,
+            jnp.concatenate([basis.P, self.row[None]]),
+            jnp.append(basis.stiffness, 0.0),
+            [*map(OfJoint, structure.elements), force],
+            modes,
+            q,
+            2.0 * base.background(theta[:-1]) * jnp.sqrt(basis.omega2[modes]),
         )
 
-    def added(self) -> tuple[np.ndarray, np.ndarray]:
-        """Parameters of the joint left out, and their deviations, linearised."""
-        found = np.asarray(slopes(self.problem, jnp.asarray(self.theta)))
-        std = linearised(found, self.cost, self.correlation())
-        own = np.setdiff1d(np.arange(len(self.theta) - 1), self.given)
-        return self.theta[own], std[own]
+    def reshaped(self, effect: PlacedEffect) -> "ModesProblem":
+        """The same with a force of another shape."""
+        return eqx.tree_at(lambda p: p.unit, self, _unit(effect, self.level, self.measured))
 
-    @property
-    def given(self) -> np.ndarray:
-        """Places of the parameters of the structure that was given: no joint left out, no force."""
-        ratios = len(self.theta) - 1 - len(self.problem.base.modes)
-        places = np.arange(len(self.theta) - 1)
-        if isinstance(self.force, AddedJoint):
-            # Its own are the last of the joints', before the modes' damping.
-            return np.delete(places, np.arange(ratios - VALUES, ratios))
-        return places
-
-    def predicted(self, curve: int, measured: Sequence[ModalCurves]) -> tuple[ModalCurves, ...]:
-        """The model at the amplitudes of curves of a mode."""
+    def predicted(
+        self, theta: Array, effect: PlacedEffect | None, measured: Sequence[ModalCurves], which: int
+    ) -> tuple[ModalCurves, ...]:
+        """The model at the amplitudes of curves of the mode that the curve of this number has."""
         q = np.concatenate([np.asarray(each.amplitude) for each in measured])
-        f, zeta = self._at(curve, q)
-        ends = np.cumsum([each.amplitude.size for each in measured])[:-1]
-        return tuple(
-            ModalCurves(
-                each.amplitude, *own, quantity=each.quantity, unit=each.unit, name=each.name
-            )
-            for each, *own in zip(measured, np.split(f, ends), np.split(zeta, ends), strict=True)
-        )
-
-    def _at(self, curve: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Frequency and damping of a curve's mode at other amplitudes."""
-        theta, shape = jnp.asarray(self.theta), self.problem.base.levels.shape
+        shape = self.base.levels.shape
         # As many at once as were fitted, for one kernel.
         rows = np.resize(q, (-(-q.size // shape[1]), shape[1]))
-        found = [_cycles(self.problem, theta, jnp.broadcast_to(row, shape)) for row in rows]
+        found = [_cycles(self, theta, jnp.broadcast_to(row, shape)) for row in rows]
         f, zeta = (
-            np.concatenate([np.asarray(x[curve]) for x in each])[: q.size]
+            np.concatenate([np.asarray(x[which]) for x in each])[: q.size]
             for each in zip(*((x.frequency, x.damping) for x in found), strict=True)
         )
-        own, _ = self._prediction()
-        shown, _ = self.problem.shifted(own, own)
-        part = self.problem.measured.slices[curve]
+        own, _ = self.at_levels(_cycles(self, theta, self.base.levels))
+        shown, _ = self.shifted(own, own)
         # What a shift leaves out.
-        return f - float(jnp.mean((own - shown)[part])), zeta
+        f = f - float(jnp.mean((own - shown)[self.measured.slices[which]]))
+        ends = np.cumsum([each.amplitude.size for each in measured])[:-1]
+        rows = zip(measured, np.split(f, ends), np.split(zeta, ends), strict=True)
+        return tuple(as_measured(*row) for row in rows)
 
 
-def modes_alone(base: StructuralProblem, draws: np.ndarray) -> ModesFit:
+ModesFit = SteadyFit[ModesProblem]
+
+
+def modes_alone(
+    base: StructuralProblem, draws: np.ndarray, added: tuple[int, ...] = ()
+) -> ModesFit:
     """The joints alone, from draws of their parameters (starts, parameters)."""
     curves, modes = len(base.modes), base.structure.basis.omega2.size
     nothing = jnp.zeros((curves, _DEFLECTIONS))
     level = jnp.broadcast_to(jnp.linspace(0.0, 1.0, _DEFLECTIONS), nothing.shape)
-    unit = Beside(nothing, nothing, nothing)
+    problem = ModesProblem(
+        measured=base.measured,
+        chart=base.chart,
+        names=(*base.names, "size"),
+        reference=base.reference,
+        base=base,
+        beside=Size(jnp.ones(()), jnp.zeros(())),
+        row=jnp.zeros(modes),
+        level=level,
+        unit=Beside(nothing, nothing, nothing),
+        added=added,
+    )
     starts = np.column_stack([draws, np.zeros(len(draws))])
-    return _fit(_problem(base, jnp.zeros(modes), level, unit, 1.0, False), None, starts)
+    if base.chart.free:
+        return searched(None, problem, starts, _RUNS, STARTS)
+    # A structure without joints is what it is.
+    left = np.concatenate(SteadyFit(None, problem, starts[0], math.nan, math.nan).residuals())
+    cost = float(np.sum(left**2))
+    return SteadyFit(None, problem, starts[0], cost, cost)
 
 
-class Looked(NamedTuple):
-    """What can be asked of the joints' own fit again and again.
+class JointsAlone(NamedTuple):
+    """The joints' own fit, and what a score asks of it again and again.
 
     Attributes
     ----------
-    alone : ModesFit
+    fit : SteadyFit
         The joints alone.
     span : (residuals, free) array
         Orthonormal: where the residuals go when the joints' parameters move.
     """
 
-    alone: ModesFit
+    fit: ModesFit
     span: np.ndarray
 
     @classmethod
-    def at(cls, alone: ModesFit) -> "Looked":
+    def of(cls, fit: ModesFit) -> "JointsAlone":
         """Of a fit of the joints alone."""
-        J = np.asarray(slopes(alone.problem, jnp.asarray(alone.theta)))[:, :-1]
-        return cls(alone, np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0])
+        J = fit.linear[1][:, :-1]
+        return cls(fit, np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0])
 
 
-def glanced(looked: Looked, kind: ForceKind, where: str, row: np.ndarray) -> ModesFit | None:
+def scored(alone: JointsAlone, kind: ForceKind, where: str, row: np.ndarray) -> ModesFit | None:
     """The best shape and size of a force at a place, the joints moving linearly with it.
 
     None where it would do nothing. Parameters but the size are those of the joints alone.
     """
-    alone = looked.alone
-    base, theta = alone.problem.base, jnp.asarray(alone.theta)
+    joints = alone.fit.theta[:-1]
+    base, theta = alone.fit.problem.base, jnp.asarray(alone.fit.theta)
     inside = jnp.asarray(row @ np.asarray(base.structure.basis.Phi))
-    there = eqx.tree_at(lambda p: p.row, alone.problem, inside)
+    there = eqx.tree_at(lambda p: p.row, alone.fit.problem, inside)
     d = np.abs(np.asarray(_cycles(there, theta, base.levels).d[-1]))
     if not float(d.max()) > 0.0:
         return None
@@ -203,78 +216,134 @@ def glanced(looked: Looked, kind: ForceKind, where: str, row: np.ndarray) -> Mod
     shares = np.outer(signs, np.geomspace(1.0, 10.0**-_DECADES, _DECADES * _EACH + 1)).ravel()
 
     def at(shape: float) -> ModesFit | None:
-        force = PlacedForce(kind, shape, where)
-        unit = _unit(force, level, base.measured)
+        effect = PlacedEffect(kind, shape, where)
+        unit = _unit(effect, level, base.measured)
         largest = _largest(unit, level, d, base)
         if largest is None:
             return None
-        problem = _problem(base, inside, level, unit, largest, kind.positive)
+        size = Size(jnp.asarray(largest), jnp.asarray(float(kind.positive)))
+        problem = eqx.tree_at(lambda p: (p.level, p.unit, p.beside), there, (level, unit, size))
         # As many for all kinds, for one kernel.
         sizes = np.resize(largest * shares, 2 * (_DECADES * _EACH + 1))
-        costs = np.asarray(_left(problem, theta[:-1], jnp.asarray(sizes), jnp.asarray(looked.span)))
+        costs = np.asarray(_left(problem, theta[:-1], jnp.asarray(sizes), jnp.asarray(alone.span)))
         costs = np.where(np.isfinite(costs), costs, math.inf)
         i = int(np.argmin(costs))
-        return ModesFit(force, problem, np.append(alone.theta[:-1], sizes[i]), float(costs[i]))
+        cost = float(costs[i])
+        return SteadyFit(effect, problem, np.append(joints, sizes[i]), cost, cost)
 
     begin = kind.shapes(Scales(float(d.max()), 2.0 * math.pi / float(omega.min())))
-    found = [at(begin[0])] if kind.shape is None else over_shapes(begin, at)
-    fits = [each for each in found if each is not None]
-    return best_of(fits) if fits else None
+    return best_shape(kind, begin, at)
 
 
-def modes_beside(alone: ModesFit, glance: ModesFit, draws: np.ndarray) -> ModesFit:
-    """The joints and a force at a place, from a glance and from some draws of the joints."""
-    looked, start = glance.force, glance.theta[-1]
-    assert isinstance(looked, PlacedForce)
+def modes_beside(alone: ModesFit, score: ModesFit, draws: np.ndarray) -> ModesFit:
+    """The joints and a force at a place, from its score and from some draws of the joints."""
+    effect = score.effect
+    assert effect is not None
+    sizes = score.theta[-1] * np.resize(_SIZES, STARTS)
+    joints = np.tile(alone.theta[:-1], (STARTS, 1))
+    # In either group of starts that a search compares there is one far away.
+    joints[len(_SIZES) - 1 :: len(_SIZES)] = draws[1:3]
+    starts = np.column_stack([joints, sizes])
 
-    def at(force: PlacedForce) -> ModesFit:
-        problem = glance.problem
-        if force.shape != looked.shape:
-            unit = _unit(force, problem.level, problem.measured)
-            problem = eqx.tree_at(lambda p: p.unit, problem, unit)
-        sizes = start * np.resize(_SIZES, STARTS)
-        joints = np.tile(alone.theta[:-1], (STARTS, 1))
-        # In either group of starts that a search compares there is one far away.
-        joints[len(_SIZES) - 1 :: len(_SIZES)] = draws[1:3]
-        return _fit(problem, force, np.column_stack([joints, sizes]))
+    def at(shape: float) -> ModesFit:
+        other = effect._replace(shape=shape)
+        problem = score.problem if shape == effect.shape else score.problem.reshaped(other)
+        return searched(other, problem, starts, _RUNS, STARTS)
 
-    first = at(looked)
-    if looked.kind.shape is None:
-        return first
-    return best_of(shapes_near(first, lambda shape: at(looked._replace(shape=shape))))
+    first = at(effect.shape)
+    return first if effect.shape_info is None else best_shape_near(first, at)
 
 
-def _problem(
-    base: StructuralProblem, row: Array, level: Array, unit: Beside, scale: float, positive: bool
-) -> WithForceAt:
-    return WithForceAt(
-        measured=base.measured,
-        chart=base.chart,
-        names=(*base.names, "size"),
-        reference=base.reference,
-        base=base,
-        row=row,
-        level=level,
-        unit=unit,
-        scale=jnp.asarray(scale),
-        positive=jnp.asarray(float(positive)),
+def modes_with_joint(
+    alone: ModesFit,
+    kind: Kind,
+    place: tuple[str, np.ndarray],
+    curves: Sequence[ModalCurves],
+    parameters: Sequence[Parameter],
+    groups: Mapping[str, Sequence[str]] | None,
+    sliders: Sequence[ModesFit],
+) -> ModesFit | None:
+    """The structure with another joint at a place; None where its modes do not move it.
+
+    From joints of some strengths and slips, and from the sliders that were found there: what a
+    joint has for its limit never fits better than it.
+
+    Parameters
+    ----------
+    alone : SteadyFit
+        The structure's own joints.
+    kind : Kind
+        What another one is called.
+    place : (str, (n,) array)
+        Label and row.
+    curves : sequence of ModalCurves
+        One for each mode.
+    parameters : sequence of Parameter
+        Of the structure's own joints.
+    groups : mapping, optional
+        Joints that share their parameters.
+    sliders : sequence of SteadyFit
+        Those at the place, the best first.
+    """
+    label, row = place
+    base = alone.problem.base
+    structure = base.structure
+    inside = np.abs(row @ np.asarray(structure.basis.Phi))[list(base.modes)]
+    largest = [float(np.max(q)) * each for q, each in zip(base.levels, inside, strict=True)]
+    stiffness = _stiffness(curves, inside)
+    if not max(largest) > 0.0 or not 0.0 < stiffness < math.inf:
+        return None
+    guesses = [
+        _joint(stiffness * k, max(largest) * slip)
+        for k, slip in itertools.product(_STIFFNESSES, _SLIPS)
+    ]
+    starts = np.array([*map(as_slider, sliders[:2]), *guesses][:STARTS])
+    # Its parameters are the last of the joints', before the modes' damping.
+    first = len(parameters) - len(base.modes)
+    own = np.insert(
+        np.zeros((len(starts), len(parameters))), [first] * JOINT_VALUES, starts, axis=1
     )
+    own[:, np.delete(np.arange(own.shape[1]), np.arange(first, first + JOINT_VALUES))] = (
+        alone.theta[:-1]
+    )
+    given = Iwan4(*_joint(stiffness, max(largest)))
+
+    def fitted(given: Iwan4, starts: np.ndarray) -> ModesFit:
+        more = JointedStructure(structure.structure, {**_joints(structure), _LABEL: (row, given)})
+        others = joint_parameters(_LABEL, given).values()
+        both = (*parameters[:first], *others, *parameters[first:])
+        base_more = structural_problem(more, curves, both, base.modes, None, groups, base.reference)
+        return modes_alone(base_more, starts, tuple(range(first, first + JOINT_VALUES)))
+
+    rough = fitted(given, own)
+    # About the joint that was found: modes' own damping is worked out where that is stuck.
+    again = np.tile(rough.theta[:-1], (len(_AGAIN), 1))
+    again[:, [first, first + JOINT_VALUES - 1]] *= _AGAIN
+    second = fitted(Iwan4(*rough.theta[first : first + JOINT_VALUES]), again)
+    return replace(second, effect=PlacedEffect(kind, where=label))
 
 
-def _fit(problem: WithForceAt, force: PlacedForce | None, starts: np.ndarray) -> ModesFit:
-    if force is None and not problem.base.chart.free:
-        # A structure without joints is what it is.
-        left = np.concatenate([*problem.compared(*_at_levels(problem, starts[0]))])
-        return ModesFit(None, problem, starts[0], float(left @ left))
-    cost, theta = least_cost(problem, starts, STARTS, _RUNS)
-    return ModesFit(force, problem, theta, cost)
+def _joints(structure: JointedStructure) -> dict[str, tuple[np.ndarray, AbstractJoint]]:
+    """Rows and elements by label."""
+    rows = zip(np.asarray(structure.rows), structure.elements, strict=True)
+    return dict(zip(structure.labels, rows, strict=True))
 
 
-def _at_levels(problem: WithForceAt, theta: np.ndarray) -> tuple[Array, Array]:
-    """Frequency and damping at the measured levels."""
-    base = problem.base
-    found = _cycles(problem, jnp.asarray(theta), base.levels)
-    return found.frequency[base.curve, base.level], found.damping[base.curve, base.level]
+def _joint(stiffness: float, phi_max: float) -> np.ndarray:
+    """Parameters of a joint that slips altogether at a deflection, in the middle of the others."""
+    joint = Iwan4(F_S=stiffness * phi_max, K_T=stiffness, chi=-0.5, beta=1.0)
+    share = phi_max / float(joint.phi_max)
+    return np.array([float(joint.F_S) * share, stiffness, -0.5, 1.0])
+
+
+def _stiffness(curves: Sequence[ModalCurves], inside: np.ndarray) -> float:
+    """At which a spring at a place would change a mode as much as amplitude changes it."""
+    needed = []
+    for each, shape in zip(curves, inside, strict=True):
+        f, zeta = np.asarray(each.frequency), np.asarray(each.damping)
+        change = 2.0 * max(np.ptp(f) / f.max(), np.ptp(zeta)) * (2.0 * math.pi * f.max()) ** 2
+        needed.append(change / shape**2 if shape > 0.0 else math.inf)
+    return float(min(needed))
 
 
 def _deflections(d: np.ndarray) -> np.ndarray:
@@ -285,12 +354,12 @@ def _deflections(d: np.ndarray) -> np.ndarray:
     return np.geomspace(low / _REACH, high * _REACH, _DEFLECTIONS, axis=1)
 
 
-def _unit(force: PlacedForce, level: Array, measured: Measured) -> Beside:
+def _unit(effect: PlacedEffect, level: Array, measured: Measured) -> Beside:
     """What a force of unit size does, (curves, deflections); its loss over d^2."""
+    assert isinstance(effect.kind, ForceKind)
     d = np.exp(np.asarray(level))
-    unit = beside(
-        force.kind, force.shape, np.asarray(about(d)), np.asarray(_omega(measured))[:, None]
-    )
+    omega = np.asarray(_omega(measured))[:, None]
+    unit = beside(effect.kind, effect.shape, np.asarray(about(d)), omega)
     return unit._replace(stiffness=unit.stiffness[1], loss=unit.loss / d**2)
 
 
@@ -318,12 +387,12 @@ def _largest(unit: Beside, level: Array, d: np.ndarray, base: StructuralProblem)
 
 
 @eqx.filter_jit
-def _cycles(problem: WithForceAt, theta: Array, q: Array) -> Backbones:
+def _cycles(problem: ModesProblem, theta: Array, q: Array) -> Backbones:
     return problem.cycles(theta, q)
 
 
 @eqx.filter_jit
-def _left(problem: WithForceAt, theta: Array, sizes: Array, span: Array) -> Float[Array, " sizes"]:
+def _left(problem: ModesProblem, theta: Array, sizes: Array, span: Array) -> Float[Array, " sizes"]:
     """Squared residual for each size that the joints' parameters cannot take up."""
     r = jax.vmap(lambda size: problem.residuals(jnp.append(theta, size)))(sizes)
     return jnp.sum((r - (r @ span) @ span.T) ** 2, axis=1)

@@ -1,0 +1,374 @@
+"""Is anything missing from one joint: by curves of the mode that it is in, or by loops of it."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.curves import ModalCurves
+from iwanjax.discrepancy.diagnosis import Diagnosis
+from iwanjax.discrepancy.estimate import Estimate
+from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
+from iwanjax.discrepancy.steady.curves import (
+    ModeFit,
+    fit_alone,
+    fit_beside,
+    fit_coupled,
+    fit_with_joint,
+    gives_energy,
+)
+from iwanjax.discrepancy.steady.cycle import InteractingMode
+from iwanjax.discrepancy.steady.loops import (
+    LoopFit,
+    driven,
+    loops_alone,
+    loops_beside,
+    loops_with_joint,
+    noise_of,
+)
+from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, clear_differences
+from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
+from iwanjax.errors import InputError
+from iwanjax.joints import AbstractJoint, joint_type
+from iwanjax.signals.force_loop import ForceLoop
+from iwanjax.types import require_double_precision
+from iwanjax.updating.modal import modal_parameters, modal_problem
+from iwanjax.updating.parameters import Parameter, drawn, replaced
+from iwanjax.updating.problem import modal_unit
+from iwanjax.updating.structural import joint_parameters
+
+# Share of a mode's fall of frequency, and of its damping, by which an oscillator with one Iwan
+# joint is off the mode of a structure with one: the joint works against the other modes'
+# flexibility, and the shape changes. Quasi-statics of chains and a lapped beam say 0.1 to 0.7 %.
+_MODEL_ERROR = 0.005
+# Relative difference of costs that is rounding.
+_SAME = 1e-6
+
+
+def diagnose_curves(
+    joint: type[AbstractJoint] | str,
+    curves: ModalCurves | Sequence[ModalCurves],
+    held_out: ModalCurves | Sequence[ModalCurves] = (),
+    parameters: Mapping[str, Parameter] | None = None,
+    *,
+    name: str = "mode",
+    mode: int = 0,
+    interacting_modes: Sequence[InteractingMode] = (),
+    own: Sequence[ModalCurves] = (),
+    hypotheses: tuple[str, ...] = (),
+    starts: int = 64,
+    seed: int = 0,
+    budget: float = math.inf,
+    progress: Callable[[str], None] = lambda line: None,
+) -> Diagnosis:
+    r"""Compare one mode's joint with measured frequency and damping against amplitude.
+
+    First the oscillator with its joint alone is fitted (:func:`iwanjax.fit`). Then every force
+    of the catalogue acts beside the joint, by its first harmonic and its loss over a steady
+    cycle, and everything is fitted again. What changes stiffness or damping alike at every
+    amplitude (a spring, a mass, a dashpot, a Maxwell element) is part of the mode's own f_0
+    and zeta_0, and a force without a first harmonic (a quadratic spring) does not show: of
+    these curves say nothing, which the verdict states. Then a whole joint more is tried: a mode
+    that was taken for linear may have one. Where other modes moved at the same time
+    the joint may be theirs too: then what they do to it differs from hit to hit.
+
+    Evidences are those of :func:`iwanjax.diagnose`, of levels whose residuals may be
+    correlated along a curve. To the curves' deviations half a per cent of the frequency's fall
+    and of the damping is added: so much a mode of a structure differs from an oscillator with a
+    joint, and less is not held against the joint. Errors are root mean squares of predicted
+    less measured frequency, over its fall below the highest, and damping, over itself; the
+    noise floor is of the deviations alone.
+
+    Parameters
+    ----------
+    joint : str or joint class
+        What the model has, for instance ``"iwan4"``.
+    curves, held_out : ModalCurves or sequence of them
+        Of one mode, with deviations, against one quantity; only the first are fitted.
+    parameters : mapping of str to Parameter, optional
+        Replaces those of :func:`iwanjax.modal_parameters` by name.
+    name, mode : str, int
+        What the verdict calls the mode, and its index.
+    interacting_modes : sequence of InteractingMode
+        Other modes that moved at the same time, and perhaps the same joint.
+    own : sequence of ModalCurves
+        All curves again, those held out last, with the estimator's deviations alone: where those
+        of ``curves`` hold the hits' repeatability, which another mode may explain.
+    hypotheses : tuple of str
+        Kinds to try; all of the catalogue by default.
+    starts, seed : int
+        Of the searches.
+    budget : float
+        Time to spend, s.
+    progress : function
+        Told of every stage.
+
+    Returns
+    -------
+    Diagnosis
+        Its ``runs`` are :class:`CurveRun`.
+
+    Raises
+    ------
+    InputError
+        For curves that cannot be fitted, interacting modes of other levels, unknown parameters or
+        hypotheses.
+    PrecisionError
+        When JAX computes in float32.
+    """
+    require_double_precision("diagnose_curves")
+    trials = Trials[ModeFit](budget, progress, name)
+    forces = forces_of(hypotheses, variants=False)
+    kind = joint_type(joint) if isinstance(joint, str) else joint
+    several, others = (
+        (each,) if isinstance(each, ModalCurves) else tuple(each) for each in (curves, held_out)
+    )
+    if not several:
+        raise InputError("diagnose_curves: no curves to fit; expected at least one ModalCurves")
+    if len({each.quantity for each in (*several, *others)}) > 1:
+        raise InputError("diagnose_curves: the curves are against different quantities")
+    _check_levels((*several, *others), interacting_modes, own)
+    highest = max(float(np.max(each.frequency)) for each in several)
+    doubted, others_doubted, own_doubted = (
+        tuple(_doubted(each, highest) for each in given) for given in (several, others, own)
+    )
+    row = replaced(tuple(modal_parameters(kind, several).values()), parameters or {})
+    base = modal_problem(kind, doubted, row, "absolute")
+    random = np.random.default_rng(seed)
+    draws = base.spread(drawn(row, random, starts))
+    trials.say("fitting the joint alone")
+    alone = fit_alone(base, draws)
+    if not math.isfinite(alone.cost):
+        raise InputError(f"diagnose_curves: {name}: no start gave finite residuals")
+    trials.fit_forces(forces, lambda force: fit_beside(alone, force, draws, random))
+    # Beside what can be there: a law of the joint's that is of another shape.
+    active = [fit for fit in trials.found if gives_energy(fit)]
+    trials.found = [fit for fit in trials.found if fit not in active]
+    trials.fit(
+        kinds_named("iwan_joint", hypotheses),
+        lambda _: "with a joint left out",
+        lambda more: fit_with_joint(alone, more, doubted, trials.sliders(), random),
+    )
+    by_itself = modal_problem(kind, own_doubted[: len(several)], row, "absolute") if own else base
+    coupled = kinds_named("modal_coupling", hypotheses)
+    trials.fit(
+        interacting_modes if coupled else (),
+        lambda other: f"with {other.name} on the same joint",
+        lambda other: fit_coupled(base, by_itself, alone.theta[:-1], draws, coupled[0], other),
+    )
+
+    def against(fit: ModeFit) -> tuple[tuple[ModalCurves, ...], tuple[ModalCurves, ...]]:
+        """Curves, and with the oscillator's own error, that a fit is held against."""
+        # What another mode explains is no scatter of the hits any more.
+        if own and fit.effect is not None and fit.effect.kind in coupled:
+            return tuple(own), own_doubted
+        return (*several, *others), (*doubted, *others_doubted)
+
+    def run(fit: ModeFit, chosen: ModeFit) -> CurveRun:
+        measured, _ = against(chosen)
+        return CurveRun.of(measured, fit.predicted(measured), len(several))
+
+    return concluded(
+        trials,
+        alone,
+        name,
+        run,
+        row,
+        estimates=lambda fit: _per_modal_mass(fit.estimates(), several[0]),
+        expected=lambda fit, after: CurveRun.of(
+            against(fit)[1], after.predicted, len(several)
+        ).floors(),
+        observables=lambda before: clear_differences(before, mode, name),
+        warnings=lambda fit: (*_active(active, fit), *_unseen_by_curves(name, trials.unseen)),
+    )
+
+
+def diagnose_loops(
+    joint: AbstractJoint,
+    loops: ForceLoop | Sequence[ForceLoop],
+    held_out: ForceLoop | Sequence[ForceLoop] = (),
+    parameters: Mapping[str, Parameter] | None = None,
+    *,
+    name: str = "joint",
+    hypotheses: tuple[str, ...] = (),
+    noise: float | None = None,
+    starts: int = 32,
+    seed: int = 0,
+    budget: float = math.inf,
+    progress: Callable[[str], None] = lambda line: None,
+) -> Diagnosis:
+    r"""Compare a joint with loops of force against deflection that were run through slowly.
+
+    First the joint alone is fitted along the measured deflections by Masing's rules
+    (:func:`iwanjax.hysteresis`), then every force of the catalogue beside it,
+
+    .. math:: F(t) = F_J[d](t) + s\, u[d](t) + F_0,
+
+    with an offset :math:`F_0` of each loop. Loops that begin undeflected begin at rest, or on
+    the outermost branch like the others, whichever the joint alone explains better. Then a whole
+    joint more is tried. Without
+    time nothing shows that depends on rate, which the verdict says.
+
+    Evidences are those of :func:`iwanjax.diagnose`. Errors are root mean squares of predicted
+    less measured force over that of the measured one.
+
+    Parameters
+    ----------
+    joint : joint
+        What the model has, at its starting values.
+    loops, held_out : ForceLoop or sequence of them
+        Of this joint; only the first are fitted.
+    parameters : mapping of str to Parameter, optional
+        Replaces those of the joint, ``"joint.F_S"`` and so on, by name.
+    name : str
+        What the verdict calls the joint.
+    hypotheses : tuple of str
+        Kinds to try; all of the catalogue by default.
+    noise : float, optional
+        Standard deviation of the force; by the loops themselves where it is not known.
+    starts, seed : int
+        Of the searches.
+    budget : float
+        Time to spend, s.
+    progress : function
+        Told of every stage.
+
+    Returns
+    -------
+    Diagnosis
+        Its ``runs`` are :class:`LoopRun`.
+
+    Raises
+    ------
+    InputError
+        Without loops, for a joint that depends on rate or does not fit at all, unknown
+        parameters or hypotheses.
+    PrecisionError
+        When JAX computes in float32.
+    """
+    require_double_precision("diagnose_loops")
+    trials = Trials[LoopFit](budget, progress, name)
+    forces = forces_of(hypotheses, variants=True)
+    several, others = (
+        (each,) if isinstance(each, ForceLoop) else tuple(each) for each in (loops, held_out)
+    )
+    if not several:
+        raise InputError("diagnose_loops: no loops to fit; expected at least one ForceLoop")
+    row = replaced(tuple(joint_parameters(name, joint).values()), parameters or {})
+    together = (*several, *others)
+    deviations = noise_of(together, noise)
+    random = np.random.default_rng(seed)
+    draws = drawn(row, random, starts)
+    trials.say("fitting the joint alone")
+    found_by = {
+        at_rest: loops_alone(joint, row, driven(together, deviations, len(several), at_rest), draws)
+        for at_rest in {each.may_begin_at_rest for each in together} | {False}
+    }
+    more = kinds_named("iwan_joint", hypotheses)
+    costs = {at_rest: fit.cost for at_rest, fit in found_by.items()}
+    at_rest = min(costs, key=costs.__getitem__)
+    if more and len(costs) > 1 and max(costs.values()) <= (1.0 + _SAME) * min(costs.values()):
+        # A joint without memory cannot tell where a loop begins; one that it lacks may.
+        with_it = {
+            each: loops_with_joint(fit, more[0], ()).cost
+            for each, fit in found_by.items()
+            if trials.seconds < budget
+        }
+        at_rest = min(with_it, key=with_it.__getitem__, default=at_rest)
+    alone = found_by[at_rest]
+    if not math.isfinite(alone.cost):
+        raise InputError(f"diagnose_loops: {name}: no start gave finite forces")
+    trials.fit_forces(forces, lambda force: loops_beside(alone, force, draws, random))
+    trials.fit(
+        more,
+        lambda _: "with a joint left out",
+        lambda more: loops_with_joint(alone, more, trials.sliders()),
+    )
+    whole = driven(together, deviations, len(several), at_rest, math.inf)
+
+    def run(fit: LoopFit, chosen: LoopFit) -> LoopRun:
+        found = []
+        for forces, loop in zip(fit.predicted(whole), together, strict=True):
+            force = forces[2 : loop.d.size + 2]
+            found.append(force + np.mean(loop.force - force))
+        return LoopRun(together, tuple(found), len(several), deviations)
+
+    return concluded(
+        trials,
+        alone,
+        name,
+        run,
+        row,
+        warnings=lambda _: _unseen_by_loops(name, trials.unseen),
+    )
+
+
+def _doubted(curves: ModalCurves, highest: float) -> ModalCurves:
+    """Curves with what an oscillator may be off by in their deviations."""
+    if curves.frequency_std is None or curves.damping_std is None:
+        return curves
+    f_std = jnp.hypot(curves.frequency_std, _MODEL_ERROR * (highest - curves.frequency))
+    zeta_std = jnp.hypot(curves.damping_std, _MODEL_ERROR * curves.damping)
+    return eqx.tree_at(lambda c: (c.frequency_std, c.damping_std), curves, (f_std, zeta_std))
+
+
+def _check_levels(
+    measured: Sequence[ModalCurves],
+    interacting_modes: Sequence[InteractingMode],
+    own: Sequence[ModalCurves],
+) -> None:
+    """Refuse what does not go level by level with the curves."""
+    levels = [each.amplitude.size for each in measured]
+    given = {
+        f"companion {each.name}": [len(x) for x in each.amplitude] for each in interacting_modes
+    }
+    if own:
+        given["own"] = [each.amplitude.size for each in own]
+    for what, sizes in given.items():
+        if sizes != levels:
+            raise InputError(
+                f"diagnose_curves: {what} has {sizes} levels; expected {levels}, as the curves "
+                "have, those held out last"
+            )
+
+
+def _per_modal_mass(estimates: Sequence[Estimate], curves: ModalCurves) -> tuple[Estimate, ...]:
+    """Estimates with the units that the curves' own unit implies."""
+    return tuple(
+        each._replace(info=replace(each.info, dimension=modal_unit(each.info.dimension, curves)))
+        for each in estimates
+    )
+
+
+def _active(active: Sequence[ModeFit], chosen: ModeFit) -> list[str]:
+    """What explains more than the verdict, but cannot be."""
+    told = []
+    for fit in active:
+        assert fit.effect is not None
+        if fit.cost < (1.0 - MODEL_ERROR_ALLOWANCE) * chosen.cost:
+            told.append(
+                f"A {fit.effect.kind.name} of negative size would explain more, but gives energy "
+                "to the mode: the joint's own damping changes with amplitude in another way than "
+                "its law can"
+            )
+    return told
+
+
+def _unseen_by_curves(name: str, unseen: Sequence[str]) -> list[str]:
+    """What curves say nothing of."""
+    if not unseen:
+        return []
+    return [
+        f"Curves of one mode cannot show {', '.join(unseen)}: {name} has them "
+        "in its f_0 and zeta_0, or they have no first harmonic"
+    ]
+
+
+def _unseen_by_loops(name: str, unseen: Sequence[str]) -> list[str]:
+    """What loops say nothing of."""
+    if not unseen:
+        return []
+    return [f"Loops without time cannot show {', '.join(unseen)} at {name}, which depend on rate"]

@@ -1,0 +1,399 @@
+"""A fit of curves or loops: the model alone, or with one effect beside its joints."""
+
+import abc
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeAlias, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind
+from iwanjax.discrepancy.estimate import Estimate
+from iwanjax.discrepancy.evidence import correlation_time, linearised
+from iwanjax.joints import ParameterInfo, Scales
+from iwanjax.joints.iwan import IWAN_PARAMETERS
+from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
+from iwanjax.updating.parameters import Chart
+from iwanjax.updating.problem import AbstractLeastSquares
+from iwanjax.updating.search import TOLERANCE, search
+
+JOINT_VALUES = len(IWAN_PARAMETERS)
+"""Parameters of a joint left out."""
+STARTS = 16
+"""Starts of one search of a mode or a joint: all searches share one compiled kernel."""
+# Standard deviation of the sizes that searches start from, over the largest that is plausible.
+_SPREAD = 0.5
+# Smallest size, over the largest that is plausible, that a search by its logarithm starts from.
+_SMALLEST = 1e-6
+# Shapes tried, how far they go beyond those of the catalogue, how often the best is bracketed, and
+# how often a parabola then says where the best of all is.
+_SHAPES, _BEYOND, _BRACKETS, _PARABOLAS = 8, 4.0, 2, 2
+# Ratio of neighbouring shapes where one is nearly known, and change of a shape's logarithm by
+# which a residual's derivative is taken.
+_NEAR, _RESHAPED = 1.3, 1e-2
+# How near a joint is to the slider that it becomes where all of its sliders slip at once.
+_ALL_AT_ONCE = 1.0 / 30.0
+
+
+class PlacedEffect(NamedTuple):
+    """A force with its shape, an interacting mode or a joint left out, and where it acts.
+
+    Attributes
+    ----------
+    kind : Kind
+        Of the catalogue.
+    shape : float
+        Of a force that has one.
+    where : str
+        Place of a structure; empty beside the only joint.
+    """
+
+    kind: Kind
+    shape: float = 1.0
+    where: str = ""
+
+    @property
+    def sizes(self) -> tuple[ParameterInfo, ...]:
+        """What is fitted beside the shape."""
+        return self.kind.parameters if isinstance(self.kind, JointKind) else (self.kind.size,)
+
+    @property
+    def shape_info(self) -> ParameterInfo | None:
+        """Of a force, its shape parameter where it has one."""
+        return self.kind.shape if isinstance(self.kind, ForceKind) else None
+
+
+class Size(eqx.Module):
+    """Variable of a force's size: over a scale, by its logarithm if it is positive."""
+
+    scale: Array
+    positive: Array
+    count: ClassVar[int] = 1
+
+    def to_values(self, z: Float[Array, " 1"]) -> Float[Array, " 1"]:
+        """The size."""
+        return self.scale * jnp.where(self.positive > 0, jnp.exp(z), z)
+
+    def to_variables(self, values: Float[Array, " 1"]) -> Float[Array, " 1"]:
+        """The inverse of :meth:`to_values`."""
+        share = values / self.scale
+        logarithm = jnp.log(jnp.maximum(jnp.abs(share), _SMALLEST))
+        return jnp.where(self.positive > 0, logarithm, share)
+
+
+class JointValues(eqx.Module):
+    """Variables of a joint left out: those of a fit that has it after so many values of others."""
+
+    own: AbstractLeastSquares | Chart
+    before: int = eqx.field(static=True)
+    count: ClassVar[int] = JOINT_VALUES
+
+    def to_values(self, z: Float[Array, " 4"]) -> Float[Array, " 4"]:
+        """The joint's parameters."""
+        return self.own.to_values(jnp.concatenate([jnp.zeros(self.before), z]))[self.before :]
+
+    def to_variables(self, values: Float[Array, " 4"]) -> Float[Array, " 4"]:
+        """The inverse of :meth:`to_values`."""
+        every = jnp.concatenate([jnp.ones(self.before), values])
+        return self.own.to_variables(every)[self.before :]
+
+
+class AbstractSteadyProblem(AbstractLeastSquares):
+    """A model and an effect of some size beside its joints, held against curves or loops.
+
+    Parameters are those of the model, then the effect's values. What the effect does is data, so
+    that all kinds and places share one compiled search.
+
+    Attributes
+    ----------
+    base : AbstractLeastSquares or Chart
+        The model's parameters.
+    beside : Size or JointValues
+        The effect's values.
+    """
+
+    base: eqx.AbstractVar[Any]
+    beside: eqx.AbstractVar[Size | JointValues]
+
+    @property
+    @abc.abstractmethod
+    def count(self) -> int:
+        """Number of measured values."""
+
+    @abc.abstractmethod
+    def series(self, residuals: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Residuals in the order that they were measured in, (values, quantities) each."""
+
+    @abc.abstractmethod
+    def reshaped(self, effect: PlacedEffect) -> Self:
+        """The same with a force of another shape."""
+
+    @abc.abstractmethod
+    def predicted(
+        self, theta: Array, effect: PlacedEffect | None, measured: Any, which: int
+    ) -> tuple[Any, ...]:
+        """The model along what was measured, also what was held out."""
+
+    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
+        """The model's parameters, then the effect's values."""
+        n = self.beside.count
+        return jnp.concatenate([self.base.to_values(z[:-n]), self.beside.to_values(z[-n:])])
+
+    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
+        """The inverse of :meth:`to_values`."""
+        n = self.beside.count
+        own = self.beside.to_variables(theta[-n:])
+        return jnp.concatenate([self.base.to_variables(theta[:-n]), own])
+
+    @property
+    def places(self) -> np.ndarray:
+        """Where in theta the effect's values are."""
+        return len(self.names) - self.beside.count + np.arange(self.beside.count)
+
+    @property
+    def given(self) -> np.ndarray:
+        """Where in theta the parameters of the model are that was given."""
+        return np.setdiff1d(np.arange(len(self.names) - self.beside.count), self.places)
+
+    @property
+    def unknowns(self) -> int:
+        """Values that are adjusted beside the effect's."""
+        return len(np.intersect1d(self.given, self.chart.free))
+
+
+Problem = TypeVar("Problem", bound=AbstractSteadyProblem)
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyFit(Generic[Problem]):
+    """Curves or loops explained by a model and at most one effect.
+
+    Attributes
+    ----------
+    effect : PlacedEffect or None
+        None for the model alone.
+    problem : AbstractSteadyProblem
+        What was searched.
+    theta : (parameters,) array
+        Where it ended.
+    left : float
+        Sum of squared residuals over their deviations.
+    cost : float
+        What the same likelihood is worth with the deviations that the model alone is judged by.
+    """
+
+    effect: PlacedEffect | None
+    problem: Problem
+    theta: np.ndarray
+    left: float
+    cost: float
+
+    @property
+    def values(self) -> np.ndarray:
+        """Of the effect."""
+        return self.theta[self.problem.places]
+
+    @property
+    def unknowns(self) -> int:
+        """Values that were adjusted."""
+        effect = self.effect
+        own = 0 if effect is None else len(effect.sizes) + (effect.shape_info is not None)
+        return self.problem.unknowns + own
+
+    @property
+    def count(self) -> int:
+        """Values that were measured."""
+        return self.problem.count
+
+    @cached_property
+    def linear(self) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals, and their derivatives by the parameters, (residuals, parameters)."""
+        r, J = _residuals_and_slopes(self.problem, jnp.asarray(self.theta))
+        return np.asarray(r), np.asarray(J)
+
+    def residuals(self) -> tuple[np.ndarray, ...]:
+        """Predicted less measured over deviations, of each curve or loop."""
+        return self.problem.series(self.linear[0])
+
+    def correlation(self) -> float:
+        """Correlation time of the residuals in values, mean over curves or loops."""
+        return float(np.mean([correlation_time(each[None]) for each in self.residuals()]))
+
+    def std(self) -> np.ndarray:
+        """Standard deviations of the effect's values, were its shape known.
+
+        Whether there is an effect at all: a slider that slips from the first has a force, though
+        neither its stiffness nor its slip is known.
+        """
+        return linearised(self.linear[1], self.left, self.correlation())[self.problem.places]
+
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The effect's values and its shape, with standard deviations."""
+        effect = self.effect
+        assert effect is not None
+        shape = effect.shape_info
+        if shape is None:
+            rows = zip(effect.sizes, self.values.tolist(), self.std().tolist(), strict=True)
+            return tuple(Estimate(*row) for row in rows)
+        up, down = (self._reshaped(effect, math.exp(step)) for step in (_RESHAPED, -_RESHAPED))
+        both = np.column_stack([self.linear[1], (up - down) / (2.0 * _RESHAPED)])
+        std = linearised(both, self.left, self.correlation())
+        size = Estimate(effect.sizes[0], float(self.values[0]), float(std[-2]))
+        return size, Estimate(shape, effect.shape, effect.shape * float(std[-1]))
+
+    def _reshaped(self, effect: PlacedEffect, factor: float) -> np.ndarray:
+        """Residuals with a shape so many times as large, nothing fitted again."""
+        problem = self.problem.reshaped(effect._replace(shape=effect.shape * factor))
+        return replace(self, problem=problem).linear[0]
+
+    def predicted(self, measured: Any, which: int = 0) -> tuple[Any, ...]:
+        """The model along curves or loops, also those that were held out.
+
+        Parameters
+        ----------
+        measured : sequence of ModalCurves, or LoopHistories
+            What was measured; of one mode in the order of the fit, those held out last.
+        which : int
+            Of a structure's curves, the one whose mode they are of.
+        """
+        return self.problem.predicted(jnp.asarray(self.theta), self.effect, measured, which)
+
+
+AnyFit: TypeAlias = SteadyFit[Any]
+Fit = TypeVar("Fit", bound=AnyFit)
+
+
+@eqx.filter_jit
+def _residuals_and_slopes(
+    problem: AbstractLeastSquares, theta: Float[Array, " parameters"]
+) -> tuple[Array, Array]:
+    def residuals(theta: Array) -> tuple[Array, Array]:
+        found = problem.residuals(theta)
+        return found, found
+
+    slopes, found = jax.jacfwd(residuals, has_aux=True)(theta)
+    return found, slopes
+
+
+def searched(
+    effect: PlacedEffect | None,
+    problem: Problem,
+    starts: np.ndarray,
+    runs: int,
+    at_once: int = STARTS,
+    tolerance: float = TOLERANCE,
+) -> SteadyFit[Problem]:
+    """The fit at the best end of a multistart.
+
+    Parameters
+    ----------
+    effect : PlacedEffect or None
+        What acts beside the joints.
+    problem : AbstractSteadyProblem
+        What to search.
+    starts : (starts, parameters) array
+        The last batch is filled up with the first ones.
+    runs, at_once : int
+        Starts of a batch that are run to their minimum, of so many.
+    tolerance : float
+        Relative, of the search.
+    """
+    ends = []
+    for first in range(0, len(starts), at_once):
+        some = starts[np.arange(first, first + at_once) % len(starts)]
+        found = search(problem, jnp.asarray(some), runs, tolerance)
+        i = int(np.argmin(np.asarray(found.cost)))
+        ends.append((float(found.cost[i]), np.asarray(found.theta[i])))
+    cost, theta = min(ends, key=lambda each: each[0])
+    return SteadyFit(effect, problem, theta, cost, cost)
+
+
+def joints_to_begin_with(alone: AnyFit, draws: np.ndarray) -> np.ndarray:
+    """Starts of a joint beside an effect: as it is alone, and some of its draws."""
+    few = np.tile(alone.theta[:-1], (STARTS, 1))
+    few[::2] = draws[np.linspace(0, len(draws) - 1, STARTS // 2).astype(int)]
+    return few
+
+
+def with_sizes(
+    joints: np.ndarray, kind: ForceKind, largest: float, random: np.random.Generator
+) -> np.ndarray:
+    """Starts of a joint with sizes of a force beside it, up to some that is plausible."""
+    sizes = _SPREAD * largest * random.standard_normal(len(joints))
+    return np.column_stack([joints, np.abs(sizes) if kind.positive else sizes])
+
+
+def as_slider(fit: AnyFit) -> np.ndarray:
+    """Parameters of the joint that a fit's slider is the limit of."""
+    assert fit.effect is not None
+    k, slip = float(fit.values[0]), fit.effect.shape
+    return np.array(SLIDING_AT_ONCE.widened((k, slip), Scales(slip, 1.0), _ALL_AT_ONCE))
+
+
+def best_of(fits: Sequence[Fit]) -> Fit:
+    """Of least cost."""
+    return min(fits, key=lambda each: each.cost)
+
+
+def best_shape(
+    kind: ForceKind, begin: Sequence[float], at: Callable[[float], Fit | None]
+) -> Fit | None:
+    """The best of a force's fits with shapes on a grid, then nearer to the best.
+
+    Parameters
+    ----------
+    kind : ForceKind
+        The force; without a shape there is one fit.
+    begin : sequence of float
+        Shapes of the catalogue.
+    at : function
+        The fit with one shape; None where that does not show.
+    """
+    if kind.shape is None:
+        return at(begin[0])
+    first, last = min(begin) / _BEYOND, max(begin) * _BEYOND
+    grid = np.geomspace(first, last, _SHAPES).tolist()
+    found = [each for each in map(at, grid) if each is not None]
+    for i in range(_BRACKETS if found else 0):
+        factor = (last / first) ** (0.5 ** (i + 1) / (_SHAPES - 1))
+        found += _neighbours(best_of(found), factor, at)
+    return best_of(_lowest(found, at)) if found else None
+
+
+def best_shape_near(fit: Fit, at: Callable[[float], Fit | None]) -> Fit:
+    """The best of a fit and others with shapes near to its own."""
+    return best_of(_lowest([fit, *_neighbours(fit, _NEAR, at)], at))
+
+
+def _neighbours(fit: Fit, factor: float, at: Callable[[float], Fit | None]) -> list[Fit]:
+    assert fit.effect is not None
+    near = (at(fit.effect.shape * factor), at(fit.effect.shape / factor))
+    return [each for each in near if each is not None]
+
+
+def _lowest(found: list[Fit], at: Callable[[float], Fit | None]) -> list[Fit]:
+    """Fits, and those with the shapes that parabolas through them tell."""
+    for _ in range(_PARABOLAS):
+        shape = _vertex(found)
+        nearer = at(shape) if shape is not None else None
+        found = [*found, *([nearer] if nearer is not None else [])]
+    return found
+
+
+def _vertex(fits: Sequence[AnyFit]) -> float | None:
+    """Shape at which a parabola of the cost through the best and its neighbours is lowest."""
+    costs = {fit.effect.shape: fit.cost for fit in fits if fit.effect is not None}
+    shapes = sorted(costs)
+    i = min(range(len(shapes)), key=lambda k: costs[shapes[k]])
+    if not 0 < i < len(shapes) - 1:
+        return None
+    three = shapes[i - 1 : i + 2]
+    x = np.log(three) - math.log(shapes[i])
+    bend, slope, _ = np.polyfit(x, [costs[each] for each in three], 2)
+    return shapes[i] * math.exp(-0.5 * slope / bend) if bend > 0 else None

@@ -1,0 +1,363 @@
+"""Effects tried in time, ranked by evidence, and the verdict on one model by curves or loops."""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from iwanjax.discrepancy.diagnosis import Diagnosis, Errors, Refused, Score, Suspect, alike
+from iwanjax.discrepancy.effects import ForceKind, Kind, kinds_of
+from iwanjax.discrepancy.estimate import SURE, Estimate, Refitted
+from iwanjax.discrepancy.evidence import (
+    LEAST_GAIN,
+    MODEL_ERROR_ALLOWANCE,
+    linearised,
+    log_evidence,
+)
+from iwanjax.discrepancy.judgement import Misfit, judged, worse
+from iwanjax.discrepancy.observables import Observable
+from iwanjax.discrepancy.steady.fit import AnyFit, Fit, best_of
+from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
+from iwanjax.joints import ParameterInfo
+from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
+from iwanjax.updating.parameters import Parameter
+
+# Evidences closer than this cannot be told apart.
+_ALIKE = 3.0
+# Error over the noise's from which on something is left unexplained.
+_UNEXPLAINED = 1.25
+# Error of held-out recordings over their deviations that uncertain parameters may account for.
+_UNFORESEEN = 2.0
+
+T = TypeVar("T")
+Run = TypeVar("Run", CurveRun, ModesRun, LoopRun)
+
+
+def forces_of(hypotheses: tuple[str, ...], variants: bool) -> list[ForceKind]:
+    """Forces among hypotheses, with or without those that act on one side only.
+
+    Curves of a one-sided force are those of the two-sided one at half the size; loops differ.
+    """
+    forces = [kind for kind in kinds_of(hypotheses) if isinstance(kind, ForceKind)]
+    return [force for force in forces if variants or not force.variant]
+
+
+def kinds_named(name: str, hypotheses: tuple[str, ...]) -> list[Kind]:
+    """The kind of this name, if it is to be tried."""
+    return [kind for kind in kinds_of(hypotheses) if kind.name == name]
+
+
+class Trials(Generic[Fit]):
+    """Effects tried beside a model one after the other, as far as there is time.
+
+    Attributes
+    ----------
+    found : list of SteadyFit
+        Those that ended, in the order that they were tried in.
+    unseen : list of str
+        Kinds that the measurements cannot show.
+    complete : bool
+        Whether there was time for all.
+    """
+
+    def __init__(self, budget: float, progress: Callable[[str], None], name: str = ""):
+        self._started, self._budget, self._progress = time.perf_counter(), budget, progress
+        self._prefix = f"{name}: " if name else ""
+        self.found: list[Fit] = []
+        self.unseen: list[str] = []
+        self.complete = True
+
+    @property
+    def seconds(self) -> float:
+        """Since the first."""
+        return time.perf_counter() - self._started
+
+    def say(self, line: str) -> None:
+        """Tell what is under way."""
+        self._progress(self._prefix + line)
+
+    def in_time(self, items: Iterable[T], line: Callable[[T], str]) -> Iterator[T]:
+        """Items while there is time, each announced."""
+        for item in items:
+            if self.seconds >= self._budget:
+                self.complete = False
+                return
+            self.say(line(item))
+            yield item
+
+    def fit(
+        self, items: Iterable[T], line: Callable[[T], str], fitted: Callable[[T], Fit | None]
+    ) -> list[T]:
+        """Fit each item, and return those that the measurements cannot show."""
+        hidden = []
+        for item in self.in_time(items, line):
+            fit = fitted(item)
+            if fit is None:
+                hidden.append(item)
+            elif math.isfinite(fit.cost):
+                self.found.append(fit)
+        return hidden
+
+    def fit_forces(
+        self, forces: Iterable[ForceKind], fitted: Callable[[ForceKind], Fit | None]
+    ) -> None:
+        """Fit each force beside the only joint."""
+        hidden = self.fit(forces, lambda force: f"with {force.name}", fitted)
+        self.unseen += dict.fromkeys(force.name for force in hidden)
+
+    def sliders(self, where: str = "") -> list[Fit]:
+        """Fits of a slider at a place, the best first: a limit of a joint left out."""
+        those = [
+            fit
+            for fit in self.found
+            if (effect := fit.effect) is not None
+            and effect.where == where
+            and isinstance(effect.kind, ForceKind)
+            and effect.kind.law is SLIDING_AT_ONCE.law
+        ]
+        return sorted(those, key=lambda each: each.cost)
+
+
+class Weighed(NamedTuple, Generic[Fit]):
+    """A fit and its log evidence."""
+
+    fit: Fit
+    value: float
+
+
+class Ranking(NamedTuple, Generic[Fit]):
+    """Fits by evidence.
+
+    Attributes
+    ----------
+    alone : Fit
+        The joint on its own.
+    nothing : float
+        Its log evidence, and how much likelier it is before the data.
+    entries : tuple of Weighed
+        What may act beside it, the best first.
+    """
+
+    alone: Fit
+    nothing: float
+    entries: tuple[Weighed[Fit], ...]
+
+    @classmethod
+    def of(cls, alone: Fit, found: Sequence[Fit]) -> "Ranking[Fit]":
+        """By evidence, the best of every kind at a place only.
+
+        A force whose size is not determined is none, where one would be the verdict. Rivals are
+        told apart by what the best of them leaves; that nothing is missing is held
+        against the deviations as they are stated: a poor fit asks for no more evidence.
+
+        Parameters
+        ----------
+        alone : Fit
+            The joint on its own.
+        found : sequence of Fit
+            What may act beside it.
+        """
+        best: dict[tuple[str, str], Fit] = {}
+        for fit in found:
+            assert fit.effect is not None
+            what = (fit.effect.kind.name, fit.effect.where)
+            best[what] = best_of([best.get(what, fit), fit])
+        fits = [alone, *best.values()]
+        first = best_of(fits)
+        temperature, tau = max(1.0, first.cost / alone.count), first.correlation()
+        costs, unknowns = zip(*((each.cost, each.unknowns) for each in fits), strict=True)
+
+        def values(temperature: float) -> np.ndarray:
+            known = log_evidence(costs, unknowns, alone.count, temperature, tau)
+            known[0] += MODEL_ERROR_ALLOWANCE * alone.cost / (2.0 * temperature * tau)
+            return known
+
+        strict, own = values(1.0), values(temperature)[1:]
+        gain = float(strict[1:].max() - strict[0]) if own.size else 0.0
+        nothing = (float(own.max()) if own.size else 0.0) - gain + LEAST_GAIN
+        entries = [Weighed(fit, float(v)) for fit, v in zip(best.values(), own, strict=True)]
+        # Of those that are alike to rounding the one that was tried first, the simplest, leads:
+        # the others are as good, not better.
+        entries.sort(key=lambda each: -round(each.value, 1))
+        ordered = np.minimum.accumulate([each.value for each in entries]).tolist()
+        if entries and ordered[0] > nothing:
+            known = [each.fit for each in entries if determined(each.fit)]
+            if len(known) < len(entries):
+                return cls.of(alone, known)
+        led = (each._replace(value=v) for each, v in zip(entries, ordered, strict=True))
+        return cls(alone, nothing, tuple(led))
+
+    @property
+    def detected(self) -> bool:
+        """Whether the first is likelier than nothing."""
+        return bool(self.entries) and self.entries[0].value > self.nothing
+
+    @property
+    def chosen(self) -> Fit:
+        """The model to go on with."""
+        return self.entries[0].fit if self.detected else self.alone
+
+    def suspects(
+        self,
+        where: str,
+        probabilities: Sequence[float],
+        estimates: Callable[[Fit], tuple[Estimate, ...]],
+    ) -> Iterator[Suspect]:
+        """What may act beside the joint, each with its probability."""
+        for each, probability in zip(self.entries, probabilities, strict=True):
+            effect, behind = each.fit.effect, each.value - self.entries[0].value
+            assert effect is not None
+            place = effect.where or where
+            yield Suspect(effect.kind, place, probability, behind, estimates(each.fit))
+
+
+def determined(fit: AnyFit) -> bool:
+    """Whether an effect is known to be there, by two standard deviations of a size.
+
+    Of a joint left out either strength or stiffness: the one is not known where it only sticks,
+    the other where it only slips.
+    """
+    return bool(np.any(np.abs(fit.values[:2]) > SURE * fit.std()[:2]))
+
+
+def concluded(
+    trials: Trials[Fit],
+    alone: Fit,
+    where: str,
+    run: Callable[[Fit, Fit], Run],
+    parameters: Sequence[Parameter],
+    *,
+    estimates: Callable[[Fit], tuple[Estimate, ...]] = lambda fit: fit.estimates(),
+    observables: Callable[[Run], tuple[Observable, ...]] = lambda before: (),
+    scores: tuple[Score, ...] = (),
+    expected: Callable[[Fit, Run], Mapping[str, float]] = lambda fit, after: after.floors(),
+    warnings: Callable[[Fit], Sequence[str]],
+) -> Diagnosis:
+    """The verdict.
+
+    Parameters
+    ----------
+    trials : Trials
+        What was tried.
+    alone : SteadyFit
+        The model alone.
+    where : str
+        What the verdict calls the joint, where effects have no place of their own.
+    run : function
+        Of a fit and the one that is chosen: its prediction, against what that is held against.
+    parameters : sequence of Parameter
+        Of the model that was given.
+    estimates : function
+        Sizes and shape of a fit's effect.
+    observables : function
+        Of the prediction before: where it is clearly off.
+    scores : tuple of Score
+        What forces would explain at a glance, where that was looked at.
+    expected : function
+        Of a fit and its prediction: errors that are no surprise, by recording; the noise's, unless
+        the model's form is known to be off as well.
+    warnings : function
+        Of the fit that is chosen: what is odd beside the errors themselves.
+    """
+    standing = Ranking.of(alone, trials.found)
+    refused: list[Refused] = []
+    while True:
+        chosen = standing.chosen
+        both = (run(alone, chosen), run(chosen, chosen))
+        fitted = both[0].fitted
+        before, after = (_errors(each.by_recording(), fitted) for each in both)
+        floor = _errors(both[1].floors(), fitted)
+        if not (standing.detected and worse(before.hold_out, after.hold_out, floor.hold_out)):
+            break
+        # The next best by fitted recordings; those held out only refuse.
+        others = standing.entries[1:]
+        (suspect, *_) = standing.suspects(where, [0.0] * len(standing.entries), estimates)
+        refused.append(Refused(suspect.label, before.hold_out, after.hold_out))
+        standing = Ranking.of(alone, [each.fit for each in others])
+    foreseen = _errors(expected(chosen, both[1]), fitted)
+    verdict = judged(
+        standing.nothing,
+        [each.value for each in standing.entries],
+        _misfit(before, foreseen),
+        _misfit(after, foreseen),
+    )
+    listed = verdict.detected and standing.detected
+    what = tuple(standing.suspects(where, verdict.named, estimates)) if listed else ()
+    if not listed:
+        after, both = before, (both[0], both[0])
+    return Diagnosis(
+        verdict=verdict,
+        what=what,
+        before=before,
+        after=after,
+        noise_floor=floor,
+        noise_floor_95=Errors(math.nan, math.nan),
+        parameter_spread=Errors(math.nan, math.nan),
+        refused=tuple(refused),
+        indistinguishable=alike(what, _ALIKE) if what else (),
+        observables=observables(both[0]) if verdict.detected else (),
+        scores=scores,
+        joints=_refitted(chosen if listed else alone, parameters, where),
+        runs=both,
+        sampling_rate=math.nan,
+        restoring=None,
+        warnings=(
+            *warnings(chosen),
+            *_warnings(after, foreseen, verdict.something_else, bool(what)),
+        ),
+        complete=trials.complete,
+        seconds=trials.seconds,
+    )
+
+
+def _refitted(fit: AnyFit, parameters: Sequence[Parameter], name: str) -> tuple[Refitted, ...]:
+    """The parameters of a fit to curves or loops, by the joint that each names."""
+    problem = fit.problem
+    free = [at for at, each in zip(problem.given, parameters, strict=True) if not each.fixed]
+    columns = [*free, *problem.places] if fit.effect is not None else free
+    std = np.full(len(fit.theta), math.nan)
+    std[columns] = linearised(fit.linear[1][:, columns], fit.cost, fit.correlation())
+    found: dict[str, list[Estimate]] = {}
+    for i, each in zip(problem.given, parameters, strict=True):
+        joint, _, own = each.name.rpartition(".")
+        info = ParameterInfo(own, each.unit, each.meaning)
+        estimate = Estimate(info, float(fit.theta[i]), float(std[i]))
+        found.setdefault(joint or name, []).append(estimate)
+    return tuple(Refitted(joint, tuple(rows)) for joint, rows in found.items())
+
+
+def _misfit(errors: Errors, foreseen: Errors) -> Misfit:
+    """Over what is no surprise."""
+    return Misfit(errors.fit / foreseen.fit, errors.hold_out / foreseen.hold_out / _UNFORESEEN)
+
+
+def _errors(by_recording: Mapping[str, float], fitted: int) -> Errors:
+    """Root mean square over those that were fitted, and over the others."""
+    # A prediction that is no number any more is infinitely far off.
+    square = np.nan_to_num(np.square(list(by_recording.values())), nan=math.inf, posinf=math.inf)
+    parts = (square[:fitted], square[fitted:])
+    return Errors(*(math.sqrt(float(x.mean())) if x.size else math.nan for x in parts))
+
+
+def _warnings(after: Errors, foreseen: Errors, unknown: float, detected: bool) -> list[str]:
+    """What to think of the errors that are left."""
+    told = []
+    if math.isnan(after.hold_out):
+        told.append("No recording was held out, so nothing shows that the verdict holds")
+    ratio = after.fit / foreseen.fit
+    if ratio > _UNEXPLAINED:
+        rest = "also with it" if detected else "and nothing that was tried explains it"
+        told.append(
+            f"The fitted recordings are {ratio:.2g} times their deviations off, {rest} "
+            f"(probability {unknown:.2f} that something else is missing)"
+        )
+    ratio = after.hold_out / foreseen.hold_out
+    if ratio > _UNFORESEEN:
+        told.append(
+            f"The held-out recordings are off by {ratio:.2g} times their deviations: either "
+            "something acts there that those fitted do not show, or the joint was fitted to the "
+            f"wrong end (probability {unknown:.2f} that something else is missing)"
+        )
+    return told
