@@ -7,11 +7,13 @@ import pytest
 
 import iwanjax as ij
 from iwanjax.discrepancy.effects import CATALOGUE
+from iwanjax.discrepancy.steady import modes
 from iwanjax.discrepancy.steady.curves import ModeProblem, fit_alone
 from iwanjax.discrepancy.steady.cycle import ActingForce, ActingJoint, unit_on
 from iwanjax.discrepancy.steady.fit import JointValues, PlacedEffect, Size, SteadyFit
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.updating.modal import modal_parameters, modal_problem
+from iwanjax.updating.structural import structural_parameters, structural_problem
 
 THETA = np.array([120.0, 0.002, 5.0, 3.0e4, -0.5, 1.0, 0.6])
 
@@ -122,3 +124,38 @@ def test_the_model_alone_predicts_what_it_is_fitted_to(base, curves):
     np.testing.assert_allclose(found.damping, curves.damping, rtol=1e-3)
     assert alone.effect is None
     assert alone.unknowns == len(THETA)
+
+
+def test_a_joint_left_out_whose_stiffness_hides_the_modes_stands_as_first_found(monkeypatch):
+    """A search may end at a rigid link, about which no modes can be worked out."""
+    K, q = np.array([[2.0, -1.0], [-1.0, 2.0]]) * 1e5, np.geomspace(1e-6, 1e-4, 8)
+    linear = ij.LinearStructure(np.eye(2), 1e-4 * K, K)
+    structure = ij.JointedStructure(linear, {"J": ([1.0, 0.0], ij.Iwan4(10.0, 1e5, -0.5, 1.0))})
+    omega = np.sqrt(np.asarray(structure.basis.omega2))
+    curves = [
+        ij.ModalCurves(
+            q,
+            (1.0 - 1e2 * q) * w / (2.0 * np.pi),
+            0.01 + 10.0 * q,
+            frequency_std=np.full(8, 1e-2),
+            damping_std=np.full(8, 1e-5),
+            quantity="modal displacement",
+        )
+        for w in omega
+    ]
+    row = tuple(structural_parameters(structure, None, curves, (0, 1)).values())
+    base = structural_problem(structure, curves, row, (0, 1), None, None, "absolute")
+
+    def ends(effect, problem, starts, *_):
+        theta = starts[0].copy()
+        if len(theta) > len(row) + 1:
+            theta[4:8] = [1.0, 1e20, -0.5, 1.0]
+        return SteadyFit(effect, problem, theta, 1.0, 1.0)
+
+    monkeypatch.setattr(modes, "searched", ends)
+    alone = modes.modes_alone(base, np.array([[p.value for p in row]]))
+    kind, place = CATALOGUE["iwan_joint"][0], ("m2", np.array([0.0, 1.0]))
+    fit = modes.modes_with_joint(alone, kind, place, curves, row, None, ())
+    assert fit.values.tolist() == [1.0, 1e20, -0.5, 1.0]
+    assert fit.problem.given.tolist() == [0, 1, 2, 3, 8, 9]
+    assert fit.effect == PlacedEffect(kind, where="m2")

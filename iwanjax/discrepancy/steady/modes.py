@@ -27,6 +27,7 @@ from iwanjax.discrepancy.steady.fit import (
     best_shape_near,
     searched,
 )
+from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.quasistatic.modal import Beside, about
@@ -300,12 +301,8 @@ def modes_with_joint(
     starts = np.array([*map(as_slider, sliders[:2]), *guesses][:STARTS])
     # Its parameters are the last of the joints', before the modes' damping.
     first = len(parameters) - len(base.modes)
-    own = np.insert(
-        np.zeros((len(starts), len(parameters))), [first] * JOINT_VALUES, starts, axis=1
-    )
-    own[:, np.delete(np.arange(own.shape[1]), np.arange(first, first + JOINT_VALUES))] = (
-        alone.theta[:-1]
-    )
+    others = np.tile(alone.theta[:-1], (len(starts), 1))
+    own = np.insert(others, [first] * JOINT_VALUES, starts, axis=1)
     given = Iwan4(*_joint(stiffness, max(largest)))
 
     def fitted(given: Iwan4, starts: np.ndarray) -> ModesFit:
@@ -319,8 +316,12 @@ def modes_with_joint(
     # About the joint that was found: modes' own damping is worked out where that is stuck.
     again = np.tile(rough.theta[:-1], (len(_AGAIN), 1))
     again[:, [first, first + JOINT_VALUES - 1]] *= _AGAIN
-    second = fitted(Iwan4(*rough.theta[first : first + JOINT_VALUES]), again)
-    return replace(second, effect=PlacedEffect(kind, where=label))
+    try:
+        fit = fitted(Iwan4(*rough.theta[first : first + JOINT_VALUES]), again)
+    except InputError:
+        # So stiff that the structure's own stiffness, and its modes, are lost to rounding.
+        fit = rough
+    return replace(fit, effect=PlacedEffect(kind, where=label))
 
 
 def _joints(structure: JointedStructure) -> dict[str, tuple[np.ndarray, AbstractJoint]]:
