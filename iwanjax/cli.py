@@ -31,6 +31,7 @@ From hammer hits to joint parameters:
   iwanjax posterior configs/modal_ringdown.yaml --out results/modal_ringdown
 From a model and recordings to what the model lacks:
   iwanjax diagnose  study.yaml                  --out results/study
+  iwanjax laws
 From a model to its curves:
   iwanjax qsma      configs/three_mass.yaml     --out results/three_mass
 From a model to its response in time:
@@ -72,6 +73,11 @@ damping. Takes some seconds to some minutes. Writes report.html, diagnosis.json 
 _INSPECT_HELP = """What a file holds: recordings with their noise and clipping, or matrices.
 
 Of mass and stiffness matrices it tells supports, mass, lowest frequencies and mixed-up units.
+"""
+_LAWS_HELP = """The laws that joints may have, with their parameters.
+
+A table of all types that a study's joints may name; as what a diagnosis finds each missing, in
+brackets where only its key hypotheses makes it look for that; and what it is.
 """
 
 # Plain text everywhere: an error is one line, not a box.
@@ -122,6 +128,15 @@ def inspect_verb(
         from iwanjax.verbs.inspect import run
 
         typer.echo(run(file))
+
+
+@app.command("laws", help=_LAWS_HELP)
+def laws_verb() -> None:
+    """Tell which laws there are."""
+    with _one_line_errors():
+        from iwanjax.verbs.laws import run
+
+        typer.echo(run())
 
 
 @app.command("curves", help=_CURVES_HELP)

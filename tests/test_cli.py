@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 import iwanjax
 from iwanjax.cli import app
+from iwanjax.joints import JOINTS
 from iwanjax.quasistatic import qsma
 from iwanjax.structures import three_mass
 
@@ -180,6 +181,16 @@ def test_version_and_help():
         assert f"  iwanjax {verb}" in text
         assert "STUDY" in run(verb, "--help").stdout
     assert "FILE" in run("inspect", "--help").stdout
+
+
+def test_laws_are_a_table_of_all_joint_types():
+    lines = run("laws").stdout.splitlines()
+    assert len(lines) == 1 + len(JOINTS)
+    told = {line.split()[0]: line for line in lines}
+    assert JOINTS.keys() < told.keys()
+    assert "k [force/length], gap [length]" in told["gap"]
+    assert "gap_contact" in told["gap"]
+    assert "Clearance" in told["gap"]
 
 
 @pytest.mark.parametrize("arguments", [["qsma"], ["qsma", "a.yaml"], ["qsmaa"], ["--verson"]])

@@ -366,7 +366,7 @@ def catalogue() -> dict[str, tuple[Kind, ...]]:
 
 @cache
 def _of_law(name: str, law: type[AbstractForceLaw]) -> ForceKind:
-    return ForceKind(name, described(law), law)
+    return ForceKind(name, described(law).partition(":")[0], law)
 
 
 def shipped(kind: ForceKind) -> bool:

@@ -13,7 +13,7 @@ from iwanjax.structures.small import solve_general
 _MOST_ITERATIONS = 60
 # Halved this far, a Newton step is given up.
 _LEAST_SHARE = 1.0 / 32.0
-# Of the joints' largest elastic force.
+# Of the largest of the terms that balance each other.
 _TOLERANCE = 1e-12
 
 
@@ -188,7 +188,9 @@ def balance(guess: Float[Array, " joints"], end: StepEnd) -> Float[Array, " join
         elastic = end.stiffness * d
         r = g - elastic + reaction.force
         size = jnp.max(jnp.abs(r))
-        scale = jnp.max(jnp.abs(elastic) + jnp.abs(reaction.force))
+        # An inertia's force is a small difference of rates, each over the step's length.
+        terms = jnp.abs(elastic), jnp.abs(reaction.force), jnp.abs(reaction.damping * v)
+        scale = jnp.max(sum(terms))
         better = (size < trial.size) | stuck
         newton = solved(end, reaction, -r)
         return _Trial(

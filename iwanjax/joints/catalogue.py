@@ -90,9 +90,8 @@ def _check_searched(name: str, kind: type[AbstractForceLaw]) -> None:
 
 def described(kind: type[AbstractJoint]) -> str:
     """What an element is: the first sentence of its docstring, its name without one."""
-    told = " ".join(inspect.cleandoc(kind.__doc__ or "").partition("\n\n")[0].split())
-    first = re.split(r"(?<=[a-z0-9)])[.:](?:\s|$)", told, maxsplit=1)[0]
-    return first or kind.__name__
+    first = inspect.cleandoc(kind.__doc__ or "").partition("\n")[0]
+    return re.split(r"\.(?= [A-Z][a-z]|$)", first, maxsplit=1)[0] or kind.__name__
 
 
 def joint_type(name: str) -> type[AbstractJoint]:

@@ -14,7 +14,9 @@ from iwanjax.types import ArrayLike, real
 
 
 class Dashpot(AbstractForceLaw):
-    r"""F = c v. Quasi-statically it carries nothing; per cycle it takes pi c omega d^2.
+    r"""Linear dashpot: F = c v.
+
+    Quasi-statically it carries nothing; per cycle it takes pi c omega d^2.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from iwanjax.types import ArrayLike, real
 
 
 class QuadraticDrag(AbstractForceLaw):
-    r"""F = c v |v|, as of a body in a fluid. Quasi-statically it carries nothing.
+    r"""Quadratic drag: F = c v |v|, as of a body in a fluid. Quasi-statically it carries nothing.
 
     Parameters
     ----------

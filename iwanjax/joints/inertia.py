@@ -13,10 +13,9 @@ from iwanjax.types import ArrayLike, real
 
 
 class Inertia(AbstractStepped):
-    """F = m a: a mass at a row to ground, an inerter (Smith 2002) between two points.
+    """Inertia: F = m a, a mass at a row to ground, an inerter (Smith 2002) between two points.
 
-    Quasi-statically it carries nothing, and over a cycle nothing is lost. In time it begins at
-    rest.
+    Quasi-statically it carries nothing, and over a cycle nothing is lost.
 
     Parameters
     ----------

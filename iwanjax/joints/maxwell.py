@@ -32,7 +32,9 @@ _SQUARE = (2.0 ** (_POWERS + 2) - 2.0) / (_FACTORIALS[1:] * (_POWERS + 3))
 
 
 class Maxwell(AbstractForceLaw):
-    r"""Spring k in series with a dashpot c, of relaxation time :math:`\tau = c/k`.
+    r"""Maxwell element: spring k in series with a dashpot c.
+
+    With the relaxation time :math:`\tau = c/k`
 
     .. math:: \dot F + F/\tau = k\dot d, \qquad
               K(\omega) = k\,\frac{i\omega\tau}{1 + i\omega\tau}

@@ -57,7 +57,9 @@ class AbstractSpring(AbstractForceLaw):
 
 
 class LinearSpring(AbstractSpring):
-    """F = k d. In a structure it is part of the low-amplitude stiffness like every K_T.
+    """Linear spring: F = k d.
+
+    In a structure it is part of the low-amplitude stiffness like every K_T.
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ class LinearSpring(AbstractSpring):
 
 
 class QuadraticSpring(AbstractSpring):
-    """F = k2 d^2: softer to one side than to the other, as a curved member is.
+    """Quadratic spring: F = k2 d^2, softer to one side than to the other, as a curved member is.
 
     Its force does the same at -d and d, so that the slope from tip to tip of a cycle is zero at
     every amplitude: quasi-static curves show nothing of it, motion does (a mean shift and even
@@ -132,7 +134,7 @@ class QuadraticSpring(AbstractSpring):
 
 
 class CubicSpring(AbstractSpring):
-    """F = k3 d^3: hardening (k3 > 0), as of bending-stretching, or softening.
+    """Cubic spring: F = k3 d^3, hardening (as bending-stretching) or softening (k3 < 0).
 
     Parameters
     ----------
@@ -167,7 +169,7 @@ class CubicSpring(AbstractSpring):
 
 
 class BilinearSpring(AbstractSpring):
-    """F = dk d for d > 0, else none: a contact that opens and closes about d = 0.
+    """Bilinear spring: F = dk d for d > 0, else none, as a contact that opens and closes at d = 0.
 
     In a cycle about the undeflected state it counts half, at every amplitude.
 

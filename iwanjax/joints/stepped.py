@@ -138,6 +138,8 @@ class SteppedState(NamedTuple):
     ----------
     d, v, v_before : array
         Deflection and rate at the end of the last step, and the rate at its beginning.
+    steps : array
+        How many there were, two for more.
     force, memory : array
         At the end of the last step.
     """
@@ -145,6 +147,7 @@ class SteppedState(NamedTuple):
     d: Array
     v: Array
     v_before: Array
+    steps: Array
     force: Array
     memory: Array
 
@@ -153,8 +156,9 @@ class Stepped(AbstractDiscrete):
     r"""An element's own step as its motion.
 
     The acceleration is a backward difference of second order,
-    :math:`(\tfrac32 v_1 - 2 v_0 + \tfrac12 v_{-1})/\Delta t`, which any inertia leaves stable. All
-    work counts as lost, by the trapezoidal rule: of what the element stores nothing is known.
+    :math:`(\tfrac32 v_1 - 2 v_0 + \tfrac12 v_{-1})/\Delta t`, which any inertia leaves stable; none
+    over the first step, which leads to where a motion begins, and of first order over the second.
+    All work counts as lost, by the trapezoidal rule: of what the element stores nothing is known.
 
     Parameters
     ----------
@@ -166,20 +170,25 @@ class Stepped(AbstractDiscrete):
 
     def init(self) -> SteppedState:
         """At rest."""
-        return SteppedState(*(jnp.zeros(()),) * 5)
+        return SteppedState(*(jnp.zeros(()),) * 6)
 
     def step(self, d: Array, v: Array, dt: Array, state: SteppedState) -> Reaction:
         """Move to d, to arrive at rate v."""
 
         def react(d: Array, v: Array) -> tuple[Array, Array]:
-            a = (1.5 * v - 2.0 * state.v + 0.5 * state.v_before) / dt
+            rise = jnp.where(
+                state.steps > 1.0,
+                1.5 * v - 2.0 * state.v + 0.5 * state.v_before,
+                state.steps * (v - state.v),
+            )
+            a = rise / dt
             return self.joint.follow(PlaceMotion(d, v, a, d - state.d, dt), state.memory)
 
         one, none = jnp.ones_like(d), jnp.zeros_like(d)
         (force, memory), (stiffness, _) = jax.jvp(react, (d, v), (one, none))
         _, (damping, _) = jax.jvp(react, (d, v), (none, one))
         loss = 0.5 * (force + state.force) * (d - state.d)
-        after = SteppedState(d, v, state.v, force, memory)
+        after = SteppedState(d, v, state.v, jnp.minimum(state.steps + 1.0, 2.0), force, memory)
         return Reaction(force, stiffness, damping, after, loss)
 
     def energy(self, d: Array, state: SteppedState) -> Array:

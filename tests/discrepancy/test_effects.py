@@ -23,8 +23,8 @@ def test_an_effect_is_its_joint_driven_along_the_same_motion(kind: ForceKind):
     force = ij.hysteresis(joint, d, dt=dt)
     rates = np.diff(d, prepend=0.0) / dt
     # The acceleration that a discrete element sees: see its docstring.
-    before = np.concatenate([[0.0, 0.0], rates])
-    a = (1.5 * before[2:] - 2.0 * before[1:-1] + 0.5 * before[:-2]) / dt
+    a = np.diff(rates, prepend=rates[0]) / dt
+    a[2:] = (1.5 * rates[2:] - 2.0 * rates[1:-1] + 0.5 * rates[:-2]) / dt
     memory, found = jnp.zeros(()), []
     for at in zip(d, rates, a, rates * dt, np.full(d.shape, dt), strict=True):
         unit, memory = kind.unit_force(
