@@ -2,6 +2,8 @@
 
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo
 from iwanjax.joints.background import PowerLawDamping
+from iwanjax.joints.backlash import Backlash
+from iwanjax.joints.bouc_wen import BoucWen
 from iwanjax.joints.catalogue import JOINTS, described, joint_type, register_joint
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
@@ -27,6 +29,7 @@ from iwanjax.joints.springs import (
     Tabulated,
 )
 from iwanjax.joints.stepped import AbstractStepped
+from iwanjax.joints.tanh_spring import TanhSpring
 
 __all__ = [
     "DISTRIBUTION_PARAMETERS",
@@ -35,7 +38,9 @@ __all__ = [
     "AbstractForceLaw",
     "AbstractJoint",
     "AbstractStepped",
+    "Backlash",
     "BilinearSpring",
+    "BoucWen",
     "CubicSpring",
     "Dashpot",
     "Gap",
@@ -58,6 +63,7 @@ __all__ = [
     "SliderBank",
     "SlipFronts",
     "Tabulated",
+    "TanhSpring",
     "described",
     "hysteresis",
     "joint_type",

@@ -7,6 +7,8 @@ import re
 
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import AbstractJoint
+from iwanjax.joints.backlash import Backlash
+from iwanjax.joints.bouc_wen import BoucWen
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.drag import QuadraticDrag
 from iwanjax.joints.force_law import AbstractForceLaw
@@ -22,6 +24,7 @@ from iwanjax.joints.springs import (
     LinearSpring,
     QuadraticSpring,
 )
+from iwanjax.joints.tanh_spring import TanhSpring
 
 JOINTS: dict[str, type[AbstractJoint]] = {
     "iwan4": Iwan4,
@@ -36,6 +39,9 @@ JOINTS: dict[str, type[AbstractJoint]] = {
     "quadratic_drag": QuadraticDrag,
     "maxwell": Maxwell,
     "inertia": Inertia,
+    "tanh_spring": TanhSpring,
+    "bouc_wen": BoucWen,
+    "backlash": Backlash,
 }
 
 

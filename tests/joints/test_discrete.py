@@ -241,7 +241,7 @@ def test_reverse_gradients_are_the_forward_ones():
 
 ELEMENTS = {
     **{
-        name: kind(**dict.fromkeys([info.name for info in kind.parameters], 0.3))
+        name: kind(**{i.name: 1.5 if i.name == "n" else 0.3 for i in kind.parameters})
         for name, kind in JOINTS.items()
     },
     "iwan5": scaled(ij.Iwan5, chi=-0.4, beta=0.7, theta=0.6),

@@ -80,7 +80,11 @@ def test_bad_tables_get_one_clear_line(case):
 
 
 ELEMENTS = {
-    **{name: kind(**dict.fromkeys(names(kind), 0.5)) for name, kind in JOINTS.items()},
+    **{
+        # An exponent from 1 on is none of 0.5.
+        name: kind(**{each: 1.5 if each == "n" else 0.5 for each in names(kind)})
+        for name, kind in JOINTS.items()
+    },
     "one-sided gap": ij.Gap(k=0.5, gap=0.5, sides="positive"),
     "tabulated": ij.Tabulated(d=[-1.0, 0.0, 0.4, 2.0], force=[-2.0, 0.0, 0.3, 3.0]),
 }
