@@ -58,7 +58,11 @@ class AbstractForceLaw(AbstractJoint):
     inertial : bool
         Whether the force is in proportion to the acceleration.
     tried : bool
-        Whether a diagnosis tries the law without being asked for it.
+        Whether a diagnosis tries the law without being asked for it by name. Each law is another
+        rival that every verdict has to exclude, and costs time wherever it acts or not: of a
+        diagnosis of two small structures, in CPU time, a softening spring 2 %, a slider with a
+        dead band 14 and 20 %, Bouc-Wen 71 and 77 %, all three 87 and 95 %. No verdict of the two
+        changed; these three wait to be asked for.
     """
 
     inertial: ClassVar[bool] = False

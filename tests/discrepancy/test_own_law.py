@@ -5,19 +5,15 @@ from pathlib import Path
 import numpy as np
 import own_law
 import pytest
+from two_masses import diagnosed
 from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy import StudyRecording
 from iwanjax.joints import JOINTS
 from iwanjax.studies import load_study
 
 C, W = 60.0, 0.05
-RATE, N, FINE = 1024.0, 700, 64
-M, K = np.diag([1.0, 1.5]), np.array([[1.5e5, -6e4], [-6e4, 6e4]])
-DAMPING = 2e-5 * K
-PLACES = {"m1-ground": [1.0, 0.0], "m2-ground": [0.0, 1.0], "m1-m2": [-1.0, 1.0]}
 
 STUDY = """
 name: damped
@@ -38,29 +34,6 @@ def registered():
 
 def force(v):
     return C * W * np.tanh(v / W)
-
-
-def pulse(t, peak):
-    return peak * np.sin(np.pi * (t - 0.04) / 0.01) ** 2 if 0.04 < t < 0.05 else 0.0
-
-
-def recorded(struck: int, peak: float, use: str) -> StudyRecording:
-    """Semi-implicit Euler in small steps, the law between both masses."""
-    random = np.random.default_rng(round(peak))
-    dt, row = 1.0 / (RATE * FINE), np.array(PLACES["m1-m2"])
-    u, v, seen, push = np.zeros(2), np.zeros(2), [], []
-    for i in range(N * FINE):
-        f = np.zeros(2)
-        f[struck] = pulse(i * dt, peak)
-        a = (f - DAMPING @ v - K @ u - row * force(row @ v)) / np.diag(M)
-        if i % FINE == 0:
-            seen.append(a)
-            push.append(f)
-        v = v + dt * a
-        u = u + dt * v
-    response = np.array(seen)
-    noise = 5e-3 * np.std(response) * random.standard_normal(response.shape)
-    return StudyRecording(f"{use} {peak:g}", response + noise, np.array(push), use=use)
 
 
 def test_it_takes_forty_lines():
@@ -97,23 +70,8 @@ def test_the_table_of_laws_lists_it():
 
 
 def test_a_diagnosis_finds_it_at_its_place():
-    model = ij.JointedStructure(ij.LinearStructure(M, DAMPING, K), {})
-    hits = [(0, 40.0, "fit"), (1, 160.0, "fit"), (0, 90.0, "hold_out")]
-    found = ij.diagnose(
-        model,
-        [recorded(*hit) for hit in hits],
-        RATE,
-        places=PLACES,
-        inputs=np.eye(2),
-        sensors={"a1": [1.0, 0.0], "a2": [0.0, 1.0]},
-        hypotheses=(
-            "viscous_damping",
-            "quadratic_damping",
-            "coulomb_friction",
-            "cubic_stiffness",
-            "relieved_damper",
-        ),
-    )
+    rivals = ("viscous_damping", "quadratic_damping", "coulomb_friction", "cubic_stiffness")
+    found = diagnosed(lambda: lambda d, v, moved: force(v), (*rivals, "relieved_damper"))
     first = found.what[0]
     assert first.label == "relieved_damper@m1-m2"
     assert first.probability > 0.9
