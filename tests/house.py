@@ -18,12 +18,12 @@ from typing import NamedTuple, TypeGuard
 ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
-    "class names used twice": 15,
-    "tuned numbers": 783,
-    "tuned numbers without a comment": 178,
+    "class names used twice": 0,
+    "tuned numbers": 796,
+    "tuned numbers without a comment": 159,
     "laws outside joints": 0,
     "least-squares loops of the host": 2,
-    "modules that index a parameter map": 7,
+    "modules that index a parameter map": 0,
     "public names": 124,
     "declared, never imported": 0,
 }
@@ -42,7 +42,7 @@ MODULES = {
     "structures": 40,
     "studies": 8,
     "updating": 21,
-    "verbs": 8,
+    "verbs": 9,
 }
 """Modules of each room. Joints and signals grow by design: a law and a kind of recording are one
 file each; rooms to come are counted from when they stand here."""
@@ -50,7 +50,7 @@ file each; rooms to come are counted from when they stand here."""
 MOST_LINES = 400
 """Of a module."""
 
-LONGER = {"discrepancy": 438, "report": 442, "signals": 401}
+LONGER = {"report": 419, "signals": 401}
 """Lines of the longest module where that is more; these only fall."""
 
 # Names under which distributions are imported, where they differ.

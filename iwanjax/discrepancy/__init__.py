@@ -6,7 +6,7 @@
 the optimisers, which pictures of a diagnosis do not need.
 """
 
-from iwanjax.discrepancy.diagnosis import Diagnosis, Suspect
+from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.effects import (
     CATALOGUE,
     ForceKind,
@@ -15,6 +15,7 @@ from iwanjax.discrepancy.effects import (
     SensorKind,
     catalogue,
 )
+from iwanjax.discrepancy.findings import Suspect
 from iwanjax.discrepancy.histories.diagnose import diagnose
 from iwanjax.discrepancy.histories.recordings import StudyRecording
 from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes

@@ -1,15 +1,21 @@
 """What a diagnosis says."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.estimate import Estimate, Refitted
+from iwanjax.discrepancy.findings import (
+    Errors,
+    Observable,
+    Prediction,
+    Refitted,
+    Refused,
+    RestoringForce,
+    Score,
+    Suspect,
+)
 from iwanjax.discrepancy.judgement import Verdict
-from iwanjax.discrepancy.observables import Observable
-from iwanjax.discrepancy.restoring_force import RestoringForce
 from iwanjax.discrepancy.wording import noun, sentence, share, sizes
 from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
@@ -23,93 +29,6 @@ _EXCLUDED = 1e-3
 _OFTEN = 1.15
 # Rivals that a summary lists.
 _LISTED = 6
-
-
-class Prediction(Protocol):
-    """A model against recordings of some kind: time histories, or curves of a mode."""
-
-    def by_recording(self) -> Mapping[str, float]:
-        """Relative errors."""
-        ...
-
-    def floors(self) -> Mapping[str, float]:
-        """The same of a perfect model."""
-        ...
-
-    def floors_95(self) -> Mapping[str, float]:
-        """What a perfect model exceeds in one case of twenty."""
-        ...
-
-
-class Suspect(NamedTuple):
-    """What may be missing: one row of a verdict.
-
-    Attributes
-    ----------
-    kind : Kind
-        Of the catalogue.
-    where : str
-        Label of the place, sensor or joint.
-    probability : float
-        Among all that were tried, nothing, and something that was not tried.
-    log_evidence : float
-        Of the data with it, less that of the best.
-    parameters : tuple of Estimate
-        Its size, and its shape where it has one.
-    joint_with : tuple of str
-        Labels kind@where of what acts together with it.
-    """
-
-    kind: Kind
-    where: str
-    probability: float
-    log_evidence: float
-    parameters: tuple[Estimate, ...]
-    joint_with: tuple[str, ...] = ()
-
-    @property
-    def label(self) -> str:
-        """kind@where."""
-        return f"{self.kind.name}@{self.where}"
-
-
-class Refused(NamedTuple):
-    """What explains the fitted recordings, but predicts those held out worse.
-
-    Attributes
-    ----------
-    label : str
-        kind@where, joined by " + " where several act at once.
-    before, after : float
-        Errors of the held-out recordings without and with it; infinite where it diverges.
-    """
-
-    label: str
-    before: float
-    after: float
-
-
-class Errors(NamedTuple):
-    """Root mean square of predicted less measured over that of measured; NaN without data."""
-
-    fit: float
-    hold_out: float
-
-
-class Score(NamedTuple):
-    """What one suspect would take off the residual, judged at size zero.
-
-    Attributes
-    ----------
-    kind, where : str
-        Which.
-    drop : float
-        Share of the squared residual, the joints refitted.
-    """
-
-    kind: str
-    where: str
-    drop: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -412,15 +331,4 @@ def _refusal(each: Refused) -> str:
     return (
         f"{each.label} explains the fitted recordings, but {off} the held-out ones, where the "
         f"model without it is {share(each.before)} off: it is refused"
-    )
-
-
-def alike(what: Sequence[Suspect], margin: float) -> tuple[tuple[str, str], ...]:
-    """The first suspect with each whose evidence is as good within a margin."""
-    return tuple(
-        (what[0].label, other.label)
-        for other in what[1:]
-        if other.log_evidence > what[0].log_evidence - margin
-        and other.label not in what[0].joint_with
-        and other.label != what[0].label
     )

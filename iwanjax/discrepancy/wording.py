@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.estimate import Estimate
+from iwanjax.discrepancy.findings import Estimate
 
 # Of each kind: a noun, and a sentence with its place, where that is not "... is missing".
 _NOUNS: Mapping[str, str] = {

@@ -6,7 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from iwanjax.discrepancy.diagnosis import Diagnosis, Prediction
+from iwanjax.discrepancy.diagnosis import Diagnosis
+from iwanjax.discrepancy.findings import Prediction
 from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun
 from iwanjax.errors import InputError
 from iwanjax.plotting.curves import DAMPING_LABEL, amplitude_label, frequency_label

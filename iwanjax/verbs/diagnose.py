@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun, ModesRun
-from iwanjax.discrepancy.estimate import Estimate
 from iwanjax.discrepancy.failures import attempted
+from iwanjax.discrepancy.findings import Estimate
 from iwanjax.discrepancy.judgement import together
 from iwanjax.plotting import (
     plot_diagnosis,

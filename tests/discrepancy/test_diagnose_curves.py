@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE, ForceKind
-from iwanjax.discrepancy.diagnosis import Errors
+from iwanjax.discrepancy.findings import Errors
 from iwanjax.discrepancy.steady.cycle import beside, shows
 from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import about

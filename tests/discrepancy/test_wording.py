@@ -5,7 +5,7 @@ import math
 import pytest
 
 from iwanjax.discrepancy.effects import CATALOGUE, ForceKind
-from iwanjax.discrepancy.estimate import Estimate
+from iwanjax.discrepancy.findings import Estimate
 from iwanjax.discrepancy.wording import noun, sentence, share, sizes
 from iwanjax.joints import Dashpot, ParameterInfo
 

@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.restoring_force import RestoringForce
+from iwanjax.discrepancy.findings import RestoringForce
 from iwanjax.plotting.diagnosis import plot_restoring
 from iwanjax.plotting.fit import plain_ticks
 

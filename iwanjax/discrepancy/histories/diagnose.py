@@ -8,10 +8,11 @@ from functools import partial
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.diagnosis import Diagnosis, Errors, Suspect, alike
+from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.effects import ForceKind, kinds_of
 from iwanjax.discrepancy.evidence import LEAST_GAIN
 from iwanjax.discrepancy.failures import attempted
+from iwanjax.discrepancy.findings import Errors, Observable, Suspect, alike
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.conditioning import MODEL_ERROR
 from iwanjax.discrepancy.histories.corrected_model import corrected_model
@@ -28,7 +29,6 @@ from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
-from iwanjax.discrepancy.observables import Observable
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, SensorKind
-from iwanjax.discrepancy.estimate import SURE, Estimate
+from iwanjax.discrepancy.findings import SURE, Estimate
 from iwanjax.discrepancy.histories.joint_priors import joints_of
 from iwanjax.discrepancy.histories.likelihood import covariance
 from iwanjax.discrepancy.histories.multistart import HypothesisFit

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from iwanjax.curves import ModalCurves
+from iwanjax.discrepancy.findings import CLEAR, LEVELS, Observable
 from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.discrepancy.histories.validation import FreeRun
-from iwanjax.discrepancy.observables import CLEAR, LEVELS, Observable
 from iwanjax.errors import InputError
 from iwanjax.signals import ringdown_curves
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.estimate import Estimate, Refitted
+from iwanjax.discrepancy.findings import Estimate, Refitted
 from iwanjax.discrepancy.histories.joint_priors import joints_of
 from iwanjax.discrepancy.histories.likelihood import covariance
 from iwanjax.discrepancy.histories.multistart import HypothesisFit

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.discrepancy.effects import ForceKind, shipped
+from iwanjax.discrepancy.findings import RestoringForce
 from iwanjax.discrepancy.histories.linearise import residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit
 from iwanjax.discrepancy.histories.places import Followed
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
-from iwanjax.discrepancy.restoring_force import RestoringForce
 from iwanjax.joints import PlaceMotion
 from iwanjax.kernels import Kept
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.diagnosis import Score
+from iwanjax.discrepancy.findings import Score
 from iwanjax.discrepancy.histories.estimates import determined
 from iwanjax.discrepancy.histories.hypotheses import shrunk
 from iwanjax.discrepancy.histories.joint_faults import (

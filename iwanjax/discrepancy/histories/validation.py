@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.diagnosis import Refused
+from iwanjax.discrepancy.findings import Refused
 from iwanjax.discrepancy.histories.conditioning import ConditionedRecordings
 from iwanjax.discrepancy.histories.likelihood import covariance
 from iwanjax.discrepancy.histories.linearise import linearise, residuals_at

@@ -10,8 +10,8 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.estimate import Estimate
 from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
+from iwanjax.discrepancy.findings import Estimate
 from iwanjax.discrepancy.steady.curves import (
     ModeFit,
     fit_alone,

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.diagnosis import Diagnosis, Score
+from iwanjax.discrepancy.diagnosis import Diagnosis
+from iwanjax.discrepancy.findings import Score
 from iwanjax.discrepancy.steady.fit import PlacedEffect
 from iwanjax.discrepancy.steady.modes import (
     STARTS,

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind
-from iwanjax.discrepancy.estimate import Estimate
 from iwanjax.discrepancy.evidence import correlation_time, linearised
+from iwanjax.discrepancy.findings import Estimate
 from iwanjax.joints import ParameterInfo, Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.joints.iwan4 import SLIDING_AT_ONCE

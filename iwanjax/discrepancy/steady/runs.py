@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.observables import CLEAR, Observable
+from iwanjax.discrepancy.findings import CLEAR, Observable
 from iwanjax.signals.force_loop import ForceLoop
 
 # Share of a curve's levels that have to differ clearly.

@@ -7,17 +7,26 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from iwanjax.discrepancy.diagnosis import Diagnosis, Errors, Refused, Score, Suspect, alike
+from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.effects import ForceKind, Kind, kinds_of
-from iwanjax.discrepancy.estimate import SURE, Estimate, Refitted
 from iwanjax.discrepancy.evidence import (
     LEAST_GAIN,
     MODEL_ERROR_ALLOWANCE,
     linearised,
     log_evidence,
 )
+from iwanjax.discrepancy.findings import (
+    SURE,
+    Errors,
+    Estimate,
+    Observable,
+    Refitted,
+    Refused,
+    Score,
+    Suspect,
+    alike,
+)
 from iwanjax.discrepancy.judgement import Misfit, judged, worse
-from iwanjax.discrepancy.observables import Observable
 from iwanjax.discrepancy.steady.fit import AnyFit, Fit, best_of
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
 from iwanjax.joints import ParameterInfo

@@ -1,0 +1,195 @@
+"""What a diagnosis is made of: suspects with their sizes, errors, scores, observables, forces."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from iwanjax.discrepancy.effects import Kind
+from iwanjax.joints import ParameterInfo
+
+SURE = 2.0
+"""Deviations from none at all that a size has to be known by: one in twenty is not, by chance."""
+
+
+class Estimate(NamedTuple):
+    """A parameter's value, and its deviation; NaN where it was not fitted."""
+
+    info: ParameterInfo
+    value: float
+    std: float
+
+
+class Refitted(NamedTuple):
+    """A joint, or a mode with its joint, as refitted.
+
+    Attributes
+    ----------
+    name : str
+        Its label in the study, or the mode's name.
+    parameters : tuple of Estimate
+        With deviations; NaN for what was not fitted.
+    """
+
+    name: str
+    parameters: tuple[Estimate, ...]
+
+
+# Deviations beyond which a difference is one, and levels it is taken at.
+CLEAR, LEVELS = 3.0, 9
+
+
+class Observable(NamedTuple):
+    """One mode in one recording.
+
+    Attributes
+    ----------
+    recording : str
+        Its name.
+    mode : int
+        Among the model's elastic modes, the lowest first from zero.
+    quantity : {"frequency", "damping"}
+        What differs.
+    amplitude : (float, float)
+        Range of the sensor's amplitude that was compared.
+    difference_percent : float
+        Model less measured over measured, the median over that range.
+    name : str
+        What the mode is called.
+    """
+
+    recording: str
+    mode: int
+    quantity: str
+    amplitude: tuple[float, float]
+    difference_percent: float
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class RestoringForce:
+    """A recovered force at a place in the hardest recording, and laws that may explain it.
+
+    Attributes
+    ----------
+    kind, where : str
+        Chosen suspect.
+    over : str
+        What the force is shown over: "deflection", "rate" or "acceleration".
+    x, force : (N,) array
+        Samples, opposing a growing deflection.
+    centre, middle, spread : (bins,) array
+        Medians of the force in bins of x, and deviations of a sample about them.
+    laws : dict of str to (bins,) array
+        Medians, in the same bins, of what the chosen kind and its rivals there would do in the
+        same motion.
+    """
+
+    kind: str
+    where: str
+    over: str
+    x: np.ndarray = field(repr=False)
+    force: np.ndarray = field(repr=False)
+    centre: np.ndarray = field(repr=False)
+    middle: np.ndarray = field(repr=False)
+    spread: np.ndarray = field(repr=False)
+    laws: dict[str, np.ndarray] = field(repr=False)
+
+
+class Prediction(Protocol):
+    """A model against recordings of some kind: time histories, or curves of a mode."""
+
+    def by_recording(self) -> Mapping[str, float]:
+        """Relative errors."""
+        ...
+
+    def floors(self) -> Mapping[str, float]:
+        """The same of a perfect model."""
+        ...
+
+    def floors_95(self) -> Mapping[str, float]:
+        """What a perfect model exceeds in one case of twenty."""
+        ...
+
+
+class Suspect(NamedTuple):
+    """What may be missing: one row of a verdict.
+
+    Attributes
+    ----------
+    kind : Kind
+        Of the catalogue.
+    where : str
+        Label of the place, sensor or joint.
+    probability : float
+        Among all that were tried, nothing, and something that was not tried.
+    log_evidence : float
+        Of the data with it, less that of the best.
+    parameters : tuple of Estimate
+        Its size, and its shape where it has one.
+    joint_with : tuple of str
+        Labels kind@where of what acts together with it.
+    """
+
+    kind: Kind
+    where: str
+    probability: float
+    log_evidence: float
+    parameters: tuple[Estimate, ...]
+    joint_with: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """kind@where."""
+        return f"{self.kind.name}@{self.where}"
+
+
+class Refused(NamedTuple):
+    """What explains the fitted recordings, but predicts those held out worse.
+
+    Attributes
+    ----------
+    label : str
+        kind@where, joined by " + " where several act at once.
+    before, after : float
+        Errors of the held-out recordings without and with it; infinite where it diverges.
+    """
+
+    label: str
+    before: float
+    after: float
+
+
+class Errors(NamedTuple):
+    """Root mean square of predicted less measured over that of measured; NaN without data."""
+
+    fit: float
+    hold_out: float
+
+
+class Score(NamedTuple):
+    """What one suspect would take off the residual, judged at size zero.
+
+    Attributes
+    ----------
+    kind, where : str
+        Which.
+    drop : float
+        Share of the squared residual, the joints refitted.
+    """
+
+    kind: str
+    where: str
+    drop: float
+
+
+def alike(what: Sequence[Suspect], margin: float) -> tuple[tuple[str, str], ...]:
+    """The first suspect with each whose evidence is as good within a margin."""
+    return tuple(
+        (what[0].label, other.label)
+        for other in what[1:]
+        if other.log_evidence > what[0].log_evidence - margin
+        and other.label not in what[0].joint_with
+        and other.label != what[0].label
+    )
