@@ -220,7 +220,7 @@ def test_as_a_process_of_its_own(study, tmp_path):
     bad = process("qsma", "study.yaml", "--out", "bad")
     assert (bad.returncode, bad.stdout) == (2, "")
     assert bad.stderr == (
-        "study.yaml:1: nme: unknown key; expected one of name, model, recordings, qsma, simulate, "
-        "modes, bands, bounds, priors, values, fixed, ringdown, fit, posterior, noise, "
-        "hypotheses, budget, seed; did you mean 'name'?\n"
+        "study.yaml:1: nme: unknown key; expected one of name, qsma, simulate, modes, bands, "
+        "bounds, priors, values, fixed, ringdown, fit, posterior, noise, hypotheses, budget, seed, "
+        "model, recordings; did you mean 'name'?\n"
     )
