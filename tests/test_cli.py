@@ -184,12 +184,15 @@ def test_version_and_help():
 
 
 def test_laws_are_a_table_of_all_joint_types():
-    lines = run("laws").stdout.splitlines()
+    *lines, empty, note = run("laws").stdout.splitlines()
     assert len(lines) == 1 + len(JOINTS)
+    assert empty == ""
+    assert "In brackets" in note
     told = {line.split()[0]: line for line in lines}
     assert JOINTS.keys() < told.keys()
     assert "k [force/length], gap [length]" in told["gap"]
     assert "gap_contact" in told["gap"]
+    assert "iwan_joint" in told["iwan4"]
     assert "Clearance" in told["gap"]
 
 

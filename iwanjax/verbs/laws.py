@@ -1,18 +1,18 @@
 """The verb ``laws``: every law that a study's joints may have, or a diagnosis may find missing."""
 
 from iwanjax.discrepancy.effects import ForceKind, catalogue
-from iwanjax.joints import JOINTS, AbstractJoint, described
+from iwanjax.joints import JOINTS, AbstractJoint, Iwan4, Iwan5, described
 from iwanjax.tables import Grid, as_text
 
 _HEADER = ("type", "parameters", "found as", "what it is")
+# Joints that are found by fits of their own, not as a force of one size.
+_OTHERS: dict[type[AbstractJoint], str] = {Iwan4: "iwan_joint", Iwan5: "stiction"}
+_NOTE = "In brackets: tried where a study's key hypotheses names it. Others are tried in any case."
 
 
 def run() -> str:
-    """A table of names, parameters with units, names in a diagnosis and descriptions.
-
-    In brackets what a diagnosis tries only when asked for it.
-    """
-    found: dict[type[AbstractJoint], str] = {
+    """A table of names, parameters with units, names in a diagnosis and descriptions."""
+    found = _OTHERS | {
         kind.law: kind.name if kind.law.tried else f"({kind.name})"
         for kinds in catalogue().values()
         for kind in kinds
@@ -21,7 +21,7 @@ def run() -> str:
     rows = (
         (name, _parameters(law), found.get(law, ""), described(law)) for name, law in JOINTS.items()
     )
-    return as_text([Grid(_HEADER, tuple(rows))])
+    return as_text([Grid(_HEADER, tuple(rows)), _NOTE])
 
 
 def _parameters(law: type[AbstractJoint]) -> str:
