@@ -18,7 +18,7 @@ if __name__ == "__main__":
     root = Path(__file__).resolve().parents[2]
     sys.path[:0] = [str(root / "tests"), str(root / "configs")]
 
-from concealed import bolted_chain as chain
+import bolted_chain as chain
 from concealed.physics import slider_bank
 
 K_T = 1.0

@@ -2,9 +2,9 @@
 
 import json
 
+import bolted_chain as chain
 import numpy as np
 import pytest
-from concealed import bolted_chain as chain
 from typer.testing import CliRunner
 
 import iwanjax as ij

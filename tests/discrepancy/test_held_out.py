@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.histories import levenberg_marquardt as lanes
+from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.problem import elapsed, rates
 from iwanjax.discrepancy.histories.validation import FreeRun, joined
 
@@ -57,7 +58,12 @@ def loosening(monkeypatch):
     parameters = [SimpleNamespace(name=name) for name in ("F_S", "K_T", "chi", "beta")]
     joint = SimpleNamespace(given=SimpleNamespace(parameters=parameters))
     problem = SimpleNamespace(
-        parameters=4, recordings=3, directions=6, order=(0, 1, 3), joints=(joint,)
+        parameters=4,
+        map=ParameterMap(4),
+        recordings=3,
+        directions=6,
+        order=(0, 1, 3),
+        joints=(joint,),
     )
     return hypothesis, problem
 

@@ -21,7 +21,7 @@ def looked(monkeypatch):
         scope = SimpleNamespace(in_time=lambda: True, progress=told.append)
         candidates = [SimpleNamespace(start=start(i), drop=drop) for i, drop in enumerate(drops)]
         monkeypatch.setattr(long_memory, "left_by_noise", lambda problem: NOISE)
-        monkeypatch.setattr(long_memory, "tested", lambda *args: candidates)
+        monkeypatch.setattr(long_memory, "scored", lambda *args: candidates)
         monkeypatch.setattr(
             long_memory,
             "evidence",

@@ -2,10 +2,10 @@
 
 import json
 
+import bolted_chain as chain
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from concealed import bolted_chain as chain
 from typer.testing import CliRunner
 
 import iwanjax as ij

@@ -64,7 +64,7 @@ def test_a_study_has_it_for_a_joint(tmp_path):
 
 def test_the_table_of_laws_lists_it():
     result = CliRunner().invoke(app, ["laws"])
-    (line,) = [x for x in result.stdout.splitlines() if x.split()[0] == "relieved_damper"]
+    (line,) = [x for x in result.stdout.splitlines() if x.split()[:1] == ["relieved_damper"]]
     assert "c [force*time/length], w [length/time]" in line
     assert line.endswith("Shock absorber with a relief valve: F = c w tanh(v/w)")
 

@@ -7,6 +7,7 @@ import pytest
 from iwanjax.discrepancy.effects import ForceKind, kinds_of
 from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.histories.likelihood import covariance, left_by_noise
+from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
@@ -28,6 +29,7 @@ SEARCH = SimpleNamespace(
     data=SimpleNamespace(weight=np.ones((1, N, 1))),
     noise=np.array([np.sqrt(0.9)]),
     predictor=SimpleNamespace(kept=5),
+    map=ParameterMap(4),
     recordings=2,
     parameters=4,
 )

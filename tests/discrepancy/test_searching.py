@@ -26,7 +26,7 @@ from iwanjax.discrepancy.histories.noise import noise_of
 from iwanjax.discrepancy.histories.predictor import Suspects
 from iwanjax.discrepancy.histories.probing import pointed_at, probed
 from iwanjax.discrepancy.histories.problem import Hypothesis, Start
-from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, settled, tested
+from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, scored, settled
 from iwanjax.discrepancy.histories.selection import ModelSelection, concluded
 from iwanjax.discrepancy.histories.time_steps import Refined
 from iwanjax.signals.comparison_band import HALF, OF_NOISE, in_band
@@ -142,7 +142,7 @@ def test_a_hard_stop_is_found_by_probing():
     response = struck(lambda d: 3e6 * max(d - 3e-4, 0.0))
     problem, scope = searching(response)
     base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
-    candidates = tested(problem, base, scope)
+    candidates = scored(problem, base, scope)
     found = probed(problem, [], [], candidates, scope)
     (before,) = residuals_at(problem, [(problem.nothing(), problem.still(np.zeros(6)))], 8.0)
     assert found[0].fitted.hypothesis.kinds[0].name == "gap_contact"
@@ -152,7 +152,7 @@ def test_a_hard_stop_is_found_by_probing():
 def test_what_has_come_to_the_same_end_before_is_probed_no_further():
     problem, scope = searching(struck(lambda d: 8e3 * d))
     base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
-    candidates = tested(problem, base, scope)
+    candidates = scored(problem, base, scope)
     found = probed(problem, [], [], candidates, scope)
     shorts = [
         RankedFit(problem, multistart(problem, [each.fitted.start], SHORT_TIME_CONSTANT, STEPS)[0])
@@ -242,7 +242,7 @@ def test_a_joint_that_does_not_stick_beside_a_force_changes_nothing():
 def test_a_spring_is_found_behind_what_has_it_for_a_limit():
     problem, scope = searching(struck(lambda d: 8e3 * d))
     base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
-    candidates = tested(problem, base, scope)
+    candidates = scored(problem, base, scope)
     whole = next(c for c in candidates if c.start.hypothesis.kinds[0].name == "viscoelastic")
     entries = [
         RankedFit(problem, each)
@@ -264,11 +264,11 @@ def test_a_limit_is_looked_for_beside_another_suspect():
     base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
     spring = next(
         c.start
-        for c in tested(problem, base, scope)
+        for c in scored(problem, base, scope)
         if c.start.hypothesis.kinds[0].name == "stiffness_error"
     )
     first = multistart(problem, [spring], SHORT_TIME_CONSTANT, STEPS)[0]
-    found = tested(problem, first, scope)[0].start.hypothesis
+    found = scored(problem, first, scope)[0].start.hypothesis
     assert found.label == "stiffness_error@J1 + sensor_saturation@a1"
 
 
@@ -278,7 +278,7 @@ def test_derivatives_come_in_parts_and_are_those_of_the_residuals():
     base = multistart(problem, [Start(problem.nothing(), np.zeros(3))], SHORT_TIME_CONSTANT, 0)[0]
     start = next(
         c.start
-        for c in tested(problem, base, scope)
+        for c in scored(problem, base, scope)
         if c.start.hypothesis.kinds[0].name == "stiffness_error"
     )
     hypothesis, theta = start.hypothesis, problem.still(start.theta)
@@ -301,7 +301,7 @@ def test_derivatives_come_in_parts_and_are_those_of_the_residuals():
 def test_only_the_best_go_on():
     problem, scope = searching(struck(lambda d: 8e3 * d))
     base = multistart(problem, [Start(problem.nothing(), np.zeros(6))], SHORT_TIME_CONSTANT, 0)[0]
-    starts = [c.start for c in tested(problem, base, scope)[:3]]
+    starts = [c.start for c in scored(problem, base, scope)[:3]]
     whole = multistart(problem, starts, SHORT_TIME_CONSTANT, STEPS)
     early = multistart(problem, starts, SHORT_TIME_CONSTANT, 3)
     found = multistart(problem, starts, SHORT_TIME_CONSTANT, STEPS, at_most=1)

@@ -15,7 +15,7 @@ from iwanjax.discrepancy.histories.ranking import (
     RankedFit,
     Scope,
     least,
-    tested,
+    scored,
 )
 
 # Suspects that are tried beside the first, and pairs that are fitted with a longer memory.
@@ -97,7 +97,7 @@ def _beside(
     if (1.0 - noise / first.cost) * table.worth(first) < _margin(table, first):
         return [], []
     scope.progress(f"looking for more beside {first.hypothesis.label}")
-    candidates = tested(problem, first, scope)
+    candidates = scored(problem, first, scope)
     promise = candidates[0].drop * table.worth(first) if candidates else 0.0
     if first.cost < MISFIT * noise and promise < _margin(table, first):
         return [], []
@@ -152,7 +152,7 @@ def _repaired(
     starts: dict[Variant, Start] = {}
     for kept, single in enumerate(singles):
         place = pair.hypothesis.where[1 - kept]
-        candidates = tested(problem, single, scope)
+        candidates = scored(problem, single, scope)
         near = [c for c in candidates if c.start.hypothesis.where[-1] == place]
         for c in [*candidates[:_PARTNERS], *near[:_PARTNERS]]:
             starts.setdefault(c.start.hypothesis.variant, c.start)

@@ -77,7 +77,7 @@ class RankedFit:
     behind: float = 0.0
 
 
-def tested(problem: HistoryProblem, base: HypothesisFit, scope: Scope) -> list[Candidate]:
+def scored(problem: HistoryProblem, base: HypothesisFit, scope: Scope) -> list[Candidate]:
     """All that may be suspected beside a fit, the most promising first."""
     known = (scope.kinds, scope.places, scope.sensors, scope.joints)
     return score_test(problem, base, *known, scope.in_time)

@@ -43,8 +43,8 @@ from iwanjax.discrepancy.histories.ranking import (
     missing,
     placed,
     ranked,
+    scored,
     settled,
-    tested,
 )
 from iwanjax.discrepancy.histories.restarts import (
     FAR,
@@ -117,13 +117,13 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     if not scope.in_time():
         return ModelSelection(False, RankedFit(problem, nominal), (), ())
     scope.progress("screening kinds and places")
-    candidates = tested(problem, nominal, scope)
+    candidates = scored(problem, nominal, scope)
     both = [candidates]
     clear = bool(candidates) and candidates[0].drop > _CLEAR
     if nominal.cost > FAR * left_by_noise(problem) and not clear and scope.in_time():
         # Joints that were bent to explain something else are a bad place to look from.
         given = Start(problem.nothing(), problem.map.given())
-        both.append(tested(problem, multistart(problem, [given], SHORT_TIME_CONSTANT, 0)[0], scope))
+        both.append(scored(problem, multistart(problem, [given], SHORT_TIME_CONSTANT, 0)[0], scope))
     scores = tuple(
         Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
         for c in candidates
@@ -262,12 +262,12 @@ def _polished(
 def _first(
     problem: HistoryProblem,
     nominal: HypothesisFit,
-    tested: Sequence[Sequence[Candidate]],
+    scored: Sequence[Sequence[Candidate]],
     scope: Scope,
 ) -> list[RankedFit]:
     """The best candidates, the rivals at the best place, and joints' faults, refitted."""
     least = LEAST_PROMISE / max(evidence(problem, [nominal]).worth(nominal), 1e-300)
-    promising = [[c for c in each if c.drop > least] for each in tested]
+    promising = [[c for c in each if c.drop > least] for each in scored]
     far = nominal.cost > FAR * left_by_noise(problem)
     chosen: dict[Variant, list[Start]] = {}
     for candidates in promising:

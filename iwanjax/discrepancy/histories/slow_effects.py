@@ -15,7 +15,7 @@ from iwanjax.discrepancy.histories.ranking import (
     Scope,
     cost_of,
     placed,
-    tested,
+    scored,
 )
 
 # Times what a shorter memory left from which on something new is looked for, and the share of
@@ -61,7 +61,7 @@ def appearing(
         return []
     scope.progress("looking again with a longer memory")
     least = LEAST_PROMISE / evidence(problem, [now]).worth(now)
-    starts = [c.start for c in tested(problem, now, scope)[:_REFITTED] if c.drop > least]
+    starts = [c.start for c in scored(problem, now, scope)[:_REFITTED] if c.drop > least]
     known = [e.fitted.start for e in entries if e.problem is problem][:_KNOWN]
     variants = [start.hypothesis.variant for start in known]
     starts = [*known, *(s for s in starts if s.hypothesis.variant not in variants)]
