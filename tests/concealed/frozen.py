@@ -4,8 +4,9 @@
 `python tests/concealed/frozen.py compare BEFORE.json AFTER.json [--exact 1e-9]`
 
 FOLDER holds a folder for each case (`study.py`, `modal.py`, `steady.py`), each with `study.yaml`
-and the truth beside it. Steps that move and rename code leave every number as it is: `--exact`
-fails where one does not. Others may change numbers, not the score.
+and the truth beside it; `frozen.json` beside this file is the last record, of 48 cases. Steps that
+move and rename code leave every number as it is: `--exact` fails where one does not. Others may
+change numbers, not the score.
 """
 
 import argparse
