@@ -13,7 +13,7 @@ from iwanjax.structures.small import solve_general
 _MOST_ITERATIONS = 60
 # Halved this far, a Newton step is given up.
 _LEAST_SHARE = 1.0 / 32.0
-# Of the largest of the terms that balance each other.
+# Of the largest of the terms that the joints' forces are made of.
 _TOLERANCE = 1e-12
 
 
@@ -78,6 +78,24 @@ class Joints(eqx.Module):
             )
             for group, places, state in zip(self.groups, self.order, states, strict=True)
         )
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether the force of any depends on its rate, or on the time that a step takes."""
+        return any(group.rate_dependent for group in self.groups)
+
+    def haste(self, dt: Array, damping: Array, H: Array) -> Array:
+        r"""Largest step over relaxation time: of an element, or of masses against dampers.
+
+        A unit of pseudo-force that grows evenly over a step adds H to a rate, one that acts all
+        along 2 H: :math:`2cH = c\Delta t/m` of a damper c against a mass m alone. The largest row
+        sum bounds what several dampers do together.
+        """
+        relaxing = [
+            jnp.max(jax.vmap(lambda element: element.haste(dt))(group)) for group in self.groups
+        ]
+        together = 2.0 * jnp.abs(damping) * jnp.sum(jnp.abs(H), axis=1)
+        return jnp.max(jnp.stack([jnp.max(together), *relaxing]))
 
     @property
     def remember(self) -> Bool[Array, " joints"]:
@@ -188,9 +206,9 @@ def balance(guess: Float[Array, " joints"], end: StepEnd) -> Float[Array, " join
         elastic = end.stiffness * d
         r = g - elastic + reaction.force
         size = jnp.max(jnp.abs(r))
-        # An inertia's force is a small difference of rates, each over the step's length.
-        terms = jnp.abs(elastic), jnp.abs(reaction.force), jnp.abs(reaction.damping * v)
-        scale = jnp.max(sum(terms))
+        # Near zero a force that relaxes is a small difference of what moves it.
+        parts = reaction.stiffness * d, reaction.damping * v
+        scale = jnp.max(jnp.abs(elastic) + jnp.abs(reaction.force) + sum(map(jnp.abs, parts)))
         better = (size < trial.size) | stuck
         newton = solved(end, reaction, -r)
         return _Trial(

@@ -2,7 +2,8 @@ r"""How far a simulation is from the converged one, estimated while it runs.
 
 The exact rule errs by what the joints' forces are not linear within a step. Their second
 difference e says so: the mean of a parabola through three samples is :math:`-e/12` away from the
-straight line's. A fast mode errs by what the average acceleration does otherwise than its equation
+straight line's. What came before the first instant is not known: the first step is taken to err as
+the second. A fast mode errs by what the average acceleration does otherwise than its equation
 of motion. A joint that turns within a step has gone further than either end, by :math:`\delta`. The
 error moves on as a small motion of its own, by the same rule with the joints' tangents; where the
 steps are short, by one for four of them.
@@ -67,6 +68,8 @@ class ErrorState(NamedTuple):
         Displacements and velocities of the fast modes under the pseudo-forces, without error.
     steps : array
         Number of steps since.
+    begun : array
+        Number of all steps, two for more.
     sums : (4,) array
         Squared error and size of the elastic modes' displacements, then of their velocities.
     """
@@ -80,6 +83,7 @@ class ErrorState(NamedTuple):
     curved: Array
     exact: tuple[Array, Array] | None
     steps: Array
+    begun: Array
     sums: Array
 
 
@@ -149,6 +153,7 @@ class Estimator(eqx.Module):
             none,
             None if self.by.average is None else pair,
             jnp.zeros((), jnp.int32),
+            jnp.zeros((), jnp.int32),
             jnp.zeros(4, none.dtype),
         )
 
@@ -156,8 +161,10 @@ class Estimator(eqx.Module):
         """The error after another step; no derivative goes through it."""
         self, error, step = jax.lax.stop_gradient((self, error, step))
         g_before, g_0, g_1 = step.g
+        errs = jnp.array([0.0, 2.0, 1.0], g_1.dtype)[error.begun] / 12.0
         error = error._replace(
-            curved=error.curved + (2.0 * g_0 - g_1 - g_before) / 12.0,
+            begun=jnp.minimum(error.begun + 1, 2),
+            curved=error.curved + errs * (2.0 * g_0 - g_1 - g_before),
             exact=self._exact(error, step),
             offset=self._turned(error, step),
             tangent=step.reaction.stiffness,
@@ -199,6 +206,7 @@ class Estimator(eqx.Module):
             jnp.zeros_like(error.curved),
             error.exact,
             jnp.zeros_like(error.steps),
+            error.begun,
             error.sums + step.counts * squares,
         )
 

@@ -44,6 +44,8 @@ class Options(NamedTuple):
         Steps of the simulation for one of its error.
     judge : bool
         Whether the run's error and energy are wanted.
+    compare : bool
+        Whether the modes' motion is kept, to compare runs by.
     """
 
     method: Method
@@ -55,6 +57,7 @@ class Options(NamedTuple):
     error_split: bool
     group: int
     judge: bool
+    compare: bool
 
 
 class Run(NamedTuple):
@@ -71,12 +74,18 @@ class Run(NamedTuple):
     imbalance : array
         Largest amount of energy not accounted for, over the largest that ever went in; NaN
         where a joint does not know its energy.
+    haste : array
+        Largest step over the relaxation time of anything that depends on a rate.
+    modes : (N, 2, modes) array or None
+        Displacements and velocities of elastic modes, where they are compared.
     """
 
     kept: dict[str, Array]
     balanced: Array
     error: Array
     imbalance: Array
+    haste: Array
+    modes: Array | None
 
 
 class _Point(NamedTuple):
@@ -91,6 +100,7 @@ class _Point(NamedTuple):
     states: tuple[Any, ...]
     sums: Array
     error: ErrorState | None
+    haste: Array
 
 
 @eqx.filter_jit
@@ -130,6 +140,7 @@ def _integrate(
     modal = by.modal
     P, W = modal.P, modal.W
     with_energy = "energy" in options.keep
+    judged_by_rate = options.judge and joints.rate_dependent
     estimator = None if grouped is None else Estimator(by, grouped, joints.remember, options.group)
 
     def exchange(before: _Point, after: _Point) -> list[Array]:
@@ -158,7 +169,11 @@ def _integrate(
             ends = (at.motion, motion, d - at.d, (at.rate, rate))
             taken = Step(*ends, forces, end, reaction, counts)
             error = estimator.step(error, taken)
-        after = _Point(motion, f, d, rate, g, at.g, reaction.state, at.sums, error)
+        haste = at.haste
+        if judged_by_rate:
+            found = joints.haste(by.dt, reaction.damping, by.H)
+            haste = jnp.maximum(haste, jax.lax.stop_gradient(found))
+        after = _Point(motion, f, d, rate, g, at.g, reaction.state, at.sums, error, haste)
         spent = jnp.stack([*exchange(at, after), jnp.sum(reaction.loss)])
         return after._replace(sums=at.sums + spent)
 
@@ -190,7 +205,10 @@ def _integrate(
             "energy": energies(at),
         }
         # What nobody asked for is not even computed once this is compiled.
-        return {name: found[name] for name in options.keep} | {"ok": jnp.all(jnp.isfinite(at.g))}
+        wanted = {name: found[name] for name in options.keep}
+        if options.compare:
+            wanted["modes"] = jnp.where(modal.omega2 > 0.0, jnp.stack([q, v]), 0.0)
+        return wanted | {"ok": jnp.all(jnp.isfinite(at.g))}
 
     def keep(at: _Point, x: tuple[Array, Array]) -> tuple[_Point, dict[str, Array]]:
         f, counts = x
@@ -228,7 +246,9 @@ def _integrate(
     unknown = jnp.full((), jnp.nan, f.dtype)
     return Run(
         balanced=jnp.all(whole.pop("ok")),
+        modes=whole.pop("modes", None),
         kept=whole,
+        haste=last.haste,
         error=unknown if last.error is None else relative_error(last.error.sums),
         imbalance=_imbalance(energies(first), balances, with_energy) if options.judge else unknown,
     )
@@ -272,4 +292,5 @@ def _first(
     )
     g = balance(jnp.zeros(m, q.dtype), end)
     motion, (d, rate) = ModalMotion(q, v, correction), end.ends(g)
-    return _Point(motion, f, d, rate, g, g, end.react(g).state, jnp.zeros(4, q.dtype), error)
+    state, none = end.react(g).state, jnp.zeros((), q.dtype)
+    return _Point(motion, f, d, rate, g, g, state, jnp.zeros(4, q.dtype), error, none)

@@ -13,7 +13,7 @@ from jaxtyping import Array
 from iwanjax.compiler import warn_of_slow_loops
 from iwanjax.dynamics.coordinates import modal_coordinates
 from iwanjax.dynamics.energy import Energies, accounts
-from iwanjax.dynamics.error_estimate import group_size
+from iwanjax.dynamics.error_estimate import group_size, relative_error
 from iwanjax.dynamics.integration import Options, Quantity, Run, run
 from iwanjax.dynamics.propagator import Method
 from iwanjax.dynamics.stepping import has_fast_modes
@@ -36,6 +36,10 @@ BALANCE = 0.01
 # joint mode's period to six of them the true one was up to 1.72 times as large (19 of 20: 1.25);
 # none of those that this margin lets pass was above 0.8 % where 1 % is allowed.
 _MARGIN = 1.5
+# Relaxation times x in a step up to which the estimate knows of a force that relaxes. With
+# e = exp(-x) the straight lines of all steps enclose (1 + e)/(1 - e)/2 - 1/x too much; the second
+# differences say (1 - e)(2 - e)/12: 5 % less here, and less by the margin from x = 3.3 on.
+_RESOLVED = 1.5
 # Steps that a simulation takes by itself for one that it was asked for.
 _MOST_REFINED = 64
 
@@ -131,8 +135,10 @@ def simulate(
 
     A run estimates its own error and accounts for its energy. Where either is more than
     allowed the steps are shortened, up to 64 times, until it is not; where that does not
-    help, an error names the step to take. Under a JAX transformation nothing can be
-    shortened or raised: a response that is not good enough is NaN.
+    help, an error names the step to take. Where a force relaxes within a step (a stiff Maxwell
+    element, an overdamped dashpot) the error is what a run with shorter steps does otherwise.
+    Under a JAX transformation nothing can be shortened, compared or raised: a response that is
+    not good enough, or not known to be, is NaN.
 
     Differentiable, forward and reverse, with respect to joints, force, initial state and
     the structure's matrices; the steps are recomputed in reverse, so that memory grows with
@@ -187,6 +193,11 @@ def simulate(
         When JAX computes in float32.
     """
     require_double_precision("simulate")
+    if not isinstance(structure, JointedStructure):
+        raise InputError(
+            f"simulate: structure is a {type(structure).__name__}; expected a JointedStructure; "
+            "a linear one is JointedStructure(linear, {})"
+        )
     warn_of_slow_loops()
     n = structure.structure.size
     rows_in = jnp.eye(n) if inputs is None else _rows(inputs, "inputs", n)
@@ -204,6 +215,7 @@ def simulate(
     modal = modal_coordinates(structure, rows_in, rows_out, modes)
     start = [modal.Phi.T @ (structure.structure.M @ given) for given in initial]
     elements = structure.elements
+    compare = any(element.discrete(sliders).rate_dependent for element in elements)
     batch = {jnp.shape(x) for x in jax.tree.leaves(elements)} - {()}
     sizes = {shape[0] for shape in batch} | ({f.shape[0]} if f.ndim == 3 else set())
     if any(len(shape) > 1 for shape in batch) or len(sizes) > 1:
@@ -228,6 +240,7 @@ def simulate(
             error_split=has_fast_modes(modal, group * step, method),
             group=group,
             judge=accuracy is not None,
+            compare=compare and accuracy is not None and method == "exact",
         )
         step = jnp.asarray(step, f.dtype)
         return run(elements, f, modal, start, step, options, axes if sizes else None)
@@ -256,11 +269,19 @@ def _refined(
     accuracy: float | None,
 ) -> tuple[Run, int]:
     """The first run that is good enough, and the steps it took from one sample to the next."""
-    asked = substeps
+    asked, factor, coarser = substeps, 2, None
     while True:
         found = attempt(substeps)
         if accuracy is None:
             return found, substeps
+        if found.modes is not None:
+            hasty = found.haste > _RESOLVED
+            if not is_traced(hasty) and coarser is None and bool(jnp.any(hasty)):
+                coarser, substeps = found, factor * substeps
+                continue
+            found = found._replace(
+                error=jnp.where(hasty, _off(found, coarser, factor), found.error)
+            )
         excess = _excess(found, method, accuracy)
         if is_traced(excess):
             good = excess <= 1.0
@@ -273,7 +294,20 @@ def _refined(
         factor = min(max(2, math.ceil(math.sqrt(worst))), 8) if worst < 1e6 else 8
         if substeps * factor > _MOST_REFINED * asked:
             raise AccuracyError(_too_long(found, excess, dt, substeps, factor, accuracy))
-        substeps *= factor
+        coarser, substeps = found, factor * substeps
+
+
+def _off(found: Run, coarser: Run | None, factor: int) -> Array:
+    """Error of a run by one with steps ``factor`` times as long, whose errors fall with the step.
+
+    They fall faster as soon as the steps resolve what happens. Endless without such a run.
+    """
+    if coarser is None or found.modes is None or coarser.modes is None:
+        return jnp.full_like(found.error, jnp.inf)
+    off, size = (
+        jnp.sum(each**2, axis=(-3, -1)) for each in (found.modes - coarser.modes, found.modes)
+    )
+    return relative_error(jnp.stack([off, size], -1).reshape(*off.shape[:-1], -1)) / (factor - 1)
 
 
 def _excess(found: Run, method: Method, accuracy: float) -> Array:

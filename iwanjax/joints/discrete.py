@@ -84,6 +84,13 @@ class AbstractDiscrete(eqx.Module):
         """
         return state
 
+    def haste(self, dt: Array) -> Array:
+        """Length of a step over the element's shortest relaxation time.
+
+        Endless where a force depends on time in a way that nothing is known of.
+        """
+        return jnp.asarray(jnp.inf if self.rate_dependent else 0.0, jnp.result_type(dt))
+
     @abc.abstractmethod
     def energy(self, d: Array, state: Any) -> Array:
         """Energy stored at deflection d, force x length."""
@@ -160,6 +167,10 @@ class Viscous(AbstractDiscrete):
         power = [self.joint.rate_law(rate)[0] * rate for rate in (v_0, middle, v)]
         loss = dt / 6.0 * (power[0] + 4.0 * power[1] + power[2])
         return Reaction(force, jnp.zeros_like(force), slope, (d, v), loss)
+
+    def haste(self, dt: Array) -> Array:
+        """None of its own: it is what it resists that relaxes."""
+        return jnp.zeros_like(dt)
 
     def energy(self, d: Array, state: tuple[Array, Array]) -> Array:
         """None."""

@@ -26,9 +26,9 @@ from iwanjax.types import ArrayLike, real
 _SHORT = 0.5
 _POWERS = np.arange(18)
 _FACTORIALS = np.cumprod(np.arange(1.0, 20.0))
-# Of -x in (1 - exp(-x))/x, and in the integral of ((1 - exp(-x s))/x)^2 over s in (0, 1).
-_RISE = 1.0 / _FACTORIALS[:-1]
-_SQUARE = (2.0 ** (_POWERS + 2) - 2.0) / (_FACTORIALS[1:] * (_POWERS + 3))
+# Of -x in the two last integrals of a unit rate's ramp.
+_MEAN = 1.0 / (_FACTORIALS[1:] * (_POWERS + 3.0))
+_MOMENT = 1.0 / (_FACTORIALS[1:] * (_POWERS + 4.0))
 
 
 class Maxwell(AbstractForceLaw):
@@ -99,18 +99,14 @@ class Maxwell(AbstractForceLaw):
         )
 
     def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
-        r"""The spring's stretch, exact for a rate that changes evenly to that at the step's end.
-
-        :class:`Relaxing` has the rate constant instead, so that its loss is closed: from step to
-        step of an observer, whose rates are known, the damper would lag by half a step.
-        """
-        x = motion.dt * self.k / self.c
-        whole = -jnp.expm1(-x) / x
-        ramp = (1.0 - whole) / x
-        share = 2.0 * (whole - ramp)
-        stretch = jnp.exp(-x) * memory + share * motion.moved
-        stretch = stretch + (whole - share) * motion.dt * motion.v
-        return self.k * stretch, stretch
+        """The spring's stretch, exact for a rate that changes evenly to that at the step's end."""
+        after = Relaxing(self.k, self.c).step(
+            motion.moved,
+            motion.v,
+            motion.dt,
+            RelaxingState(self.k * memory, jnp.zeros_like(motion.d)),
+        )
+        return after.force, after.force / self.k
 
     @property
     def initial_stiffness(self) -> Array:
@@ -187,12 +183,16 @@ class RelaxingState(NamedTuple):
 
 
 class Relaxing(AbstractDiscrete):
-    r"""Maxwell's element in motion, exact for a constant rate over each step.
+    r"""Maxwell's element in motion, exact for a rate that changes evenly over each step.
 
-    With :math:`x = k\Delta t/c` and :math:`\varphi(x) = (1 - e^{-x})/x`:
+    With :math:`x = k\Delta t/c` and the rates :math:`v_0 = 2(d_1 - d_0)/\Delta t - v_1` and
+    :math:`v_1` at the ends of the step, at the share s of it
 
-    .. math:: F_1 = e^{-x}F_0 + k\varphi(x)(d_1 - d_0), \qquad
-              \text{loss} = \frac{1}{c}\int_0^{\Delta t} F^2\,dt
+    .. math:: F(s) = e^{-xs}F_0 + k\Delta t\,[v_0\varphi_1(s) + (v_1 - v_0)\varphi_2(s)], \quad
+              \varphi_1 = \frac{1 - e^{-xs}}{x}, \quad \varphi_2 = \frac{s - \varphi_1}{x}
+
+    and what is lost is the work done less what the spring stores,
+    :math:`\Delta t\int F v\,ds - (F_1^2 - F_0^2)/2k`.
 
     Parameters
     ----------
@@ -209,23 +209,30 @@ class Relaxing(AbstractDiscrete):
         zero = jnp.zeros_like(self.k * self.c)
         return RelaxingState(zero, zero)
 
+    def haste(self, dt: Array) -> Array:
+        """Relaxation times within a step."""
+        return self.k * dt / self.c
+
     def step(self, d: Array, v: Array, dt: Array, state: RelaxingState) -> Reaction:
-        """Move to d at a constant rate."""
-        x = self.k * dt / self.c
-        elastic = self.k * (d - state.d)
-        rise, square = _integrals(x)
-        force = jnp.exp(-x) * state.force + rise * elastic
-        mean_square = (
-            _integrals(2.0 * x)[0] * state.force**2
-            + rise**2 * state.force * elastic
-            + square * elastic**2
+        """Move to d, at a rate that becomes v."""
+        by = _integrals(self.k * dt / self.c)
+        moved, arriving = d - state.d, dt * v
+        # v_0 dt is twice what was moved less v_1 dt.
+        steady, late = 2.0 * (by.level - by.ramp), 2.0 * by.ramp - by.level
+        force = by.decay * state.force + self.k * (steady * moved + late * arriving)
+        leaving = 2.0 * moved - arriving
+        rise = arriving - leaving
+        mean = by.level * state.force + self.k * (leaving * by.ramp + rise * by.ramp_mean)
+        moment = by.moment * state.force + self.k * (
+            leaving * by.ramp_moment + rise * by.bend_moment
         )
+        work = leaving * mean + rise * moment
         return Reaction(
             force,
-            self.k * rise,
-            jnp.zeros_like(force),
+            self.k * steady,
+            self.k * late * dt,
             RelaxingState(force, d),
-            dt / self.c * mean_square,
+            work - 0.5 * (force**2 - state.force**2) / self.k,
         )
 
     def energy(self, d: Array, state: RelaxingState) -> Array:
@@ -233,16 +240,50 @@ class Relaxing(AbstractDiscrete):
         return 0.5 * state.force**2 / self.k
 
 
-def _integrals(x: Array) -> tuple[Array, Array]:
-    r"""Of a force that is built up, :math:`r(s) = (1 - e^{-xs})/x`: r(1), and r^2 over (0, 1)."""
+class _Integrals(NamedTuple):
+    r"""Of a step of x relaxation times, s from 0 to 1.
+
+    Attributes
+    ----------
+    decay, level, moment : array
+        :math:`e^{-x}`, :math:`\int e^{-xs}ds = \varphi_1(1)` and :math:`\int s\,e^{-xs}ds`.
+    ramp, ramp_moment : array
+        :math:`\int\varphi_1 ds = \varphi_2(1)` and :math:`\int s\varphi_1 ds`.
+    ramp_mean, bend_moment : array
+        :math:`\int\varphi_2 ds` and :math:`\int s\varphi_2 ds`.
+    """
+
+    decay: Array
+    level: Array
+    moment: Array
+    ramp: Array
+    ramp_moment: Array
+    ramp_mean: Array
+    bend_moment: Array
+
+
+def _integrals(x: Array) -> _Integrals:
+    """By recursion: upwards from the exponential, or for short steps down from power series."""
     short = x < _SHORT
     small, large = jnp.where(short, x, 0.0), jnp.where(short, 1.0, x)
-    rise = -jnp.expm1(-large) / large
-    square = ((1.0 - rise) / large - 0.5 * rise**2) / large
-    return (
-        jnp.where(short, _series(_RISE, -small), rise),
-        jnp.where(short, _series(_SQUARE, -small), square),
+    decay = jnp.exp(-x)
+    level = -jnp.expm1(-large) / large
+    ramp = (1.0 - level) / large
+    moment = (level - jnp.exp(-large)) / large
+    ramp_moment = (0.5 - moment) / large
+    up = (level, moment, ramp, ramp_moment, (0.5 - ramp) / large, (1.0 / 3.0 - ramp_moment) / large)
+    ramp_mean, bend_moment = _series(_MEAN, -small), _series(_MOMENT, -small)
+    ramp = 0.5 - small * ramp_mean
+    ramp_moment = 1.0 / 3.0 - small * bend_moment
+    down = (
+        1.0 - small * ramp,
+        0.5 - small * ramp_moment,
+        ramp,
+        ramp_moment,
+        ramp_mean,
+        bend_moment,
     )
+    return _Integrals(decay, *(jnp.where(short, a, b) for a, b in zip(down, up, strict=True)))
 
 
 def _series(coefficients: np.ndarray, x: Array) -> Array:

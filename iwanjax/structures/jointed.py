@@ -1,7 +1,7 @@
 """A linear structure with joints at named deflection rows."""
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, TypeGuard
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
+from iwanjax.joints.force_law import AbstractForceLaw, PlaceMotion
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.linear import LinearStructure, Modes
 from iwanjax.types import ArrayLike, is_traced
@@ -57,12 +58,14 @@ class JointedStructure(eqx.Module):
     joints : mapping of str to (row, joint)
         For each label the (n,) row with deflection d = row @ u, and the element. None at all
         is a linear structure, of which modes, time integration and a diagnosis are to be had.
+        An inertia is no joint among the others: it is added to the mass matrix,
+        :math:`M + m\,b b^T`, and moves with every mode from then on.
 
     Raises
     ------
     InputError
-        For rows of wrong length, zero or not finite, for things that are not joints, and
-        where the joints' stiffness makes the structure unstable.
+        For rows of wrong length, zero or not finite, for things that are not joints, where
+        the joints' stiffness makes the structure unstable, and for a batch of inertias.
     """
 
     structure: LinearStructure
@@ -82,16 +85,23 @@ class JointedStructure(eqx.Module):
             )
         if not isinstance(joints, Mapping):
             raise InputError("JointedStructure expects a mapping {label: (row, joint)}")
-        rows, elements = [], []
-        for label, entry in joints.items():
-            row, element = _entry(label, entry, structure.size)
-            rows.append(row)
-            elements.append(element)
-        if is_traced(elements, structure):
+        entries = {label: _entry(label, entry, structure.size) for label, entry in joints.items()}
+        if is_traced(list(entries.values()), structure):
             raise InputError(
                 "JointedStructure cannot be built from what is being traced: build it once outside "
                 "jit, grad or vmap, and use with_joints inside"
             )
+        M = np.array(structure.M)
+        rows, elements, labels = [], [], []
+        for label, (row, element) in entries.items():
+            if _inertial(element):
+                M += _mass(label, element) * np.outer(row, row)
+                continue
+            rows.append(row)
+            elements.append(element)
+            labels.append(label)
+        if len(labels) < len(joints):
+            structure = LinearStructure(M, structure.C, structure.K)
         B = np.array(rows).reshape(len(rows), structure.size)
         # A batch of parameter sets is referred to its middle.
         stiffness = np.array([float(np.median(joint.initial_stiffness)) for joint in elements])
@@ -100,7 +110,7 @@ class JointedStructure(eqx.Module):
         )
         omega, Phi = stuck.modes()
         self.structure = structure
-        self.labels = tuple(joints)
+        self.labels = tuple(labels)
         self.rows = jnp.asarray(B)
         self.elements = tuple(elements)
         P = B @ np.asarray(Phi)
@@ -146,9 +156,14 @@ class JointedStructure(eqx.Module):
         Raises
         ------
         InputError
-            For a label the structure does not have.
+            For a label the structure does not have, and an inertia.
         """
-        for label in joints:
+        for label, element in joints.items():
+            if _inertial(element):
+                raise InputError(
+                    f"with_joints: {label!r} is an inertia, part of the mass matrix; build a "
+                    "JointedStructure with it, or vary the mass by an AffineStructure"
+                )
             if label not in self.labels:
                 raise InputError(
                     f"with_joints: no joint is called {label!r}; there are {', '.join(self.labels)}"
@@ -223,6 +238,22 @@ def _entry(label: str, entry: object, n: int) -> tuple[np.ndarray, AbstractJoint
             f"{type(entry[1]).__name__}"
         )
     return row, entry[1]
+
+
+def _inertial(element: object) -> TypeGuard[AbstractForceLaw]:
+    return isinstance(element, AbstractForceLaw) and element.inertial
+
+
+def _mass(label: str, element: AbstractForceLaw) -> float:
+    """Force of an inertial element at unit acceleration."""
+    zero, one = jnp.zeros(()), jnp.ones(())
+    force = element.follow(PlaceMotion(zero, zero, one, zero, one), zero)[0]
+    if jnp.ndim(force):
+        raise InputError(
+            f"joint {label!r} is a batch of {jnp.shape(force)} inertias; expected one: it is added "
+            "to the mass matrix"
+        )
+    return float(force)
 
 
 def _independent_rows(

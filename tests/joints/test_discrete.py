@@ -333,7 +333,8 @@ def test_maxwell_against_an_adaptive_solver(ratio):
         ends.append(force)
         loss.append(ratio * solved.y[1, -1])
     np.testing.assert_allclose(reactions.force, ends, rtol=1e-10)
-    np.testing.assert_allclose(reactions.loss, loss, rtol=1e-10)
+    # What is lost is the work less what the spring stores, to round-off of both.
+    np.testing.assert_allclose(reactions.loss, loss, rtol=1e-10, atol=1e-14 * np.max(stored))
     np.testing.assert_allclose(stored, np.square(ends) / (2 * k), rtol=1e-10)
 
 

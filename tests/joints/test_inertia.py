@@ -1,47 +1,69 @@
 """Inertia as a joint: a mass in another place of the equations."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array
 
 import iwanjax as ij
-from iwanjax.joints import Inertia
+from iwanjax.joints import AbstractStepped, Inertia, ParameterInfo
 
-M, K, DT = 2.0, 800.0, 2e-3
-
-
-def structure(m: float, joint: float) -> ij.JointedStructure:
-    one = np.ones((1, 1))
-    linear = ij.LinearStructure(m * one, 3.0 * one, K * one)
-    return ij.JointedStructure(linear, {"J1": (np.ones(1), Inertia(joint))})
+M, K = np.diag([1.0, 2.0]), np.array([[300.0, -100.0], [-100.0, 100.0]])
+ROW = np.array([-1.0, 1.0])
 
 
-def pulse(dt: float, samples: int) -> np.ndarray:
-    t = dt * np.arange(samples)
-    return np.where(t < 0.1, np.sin(np.pi * t / 0.1) ** 2, 0.0)[:, None]
+class Flywheel(AbstractStepped):
+    """A law of one's own that is inertial: a flywheel behind a rack."""
+
+    parameters = (ParameterInfo("J", "mass*length^2", "inertia", 0.0),)
+    inertial = True
+    J: Array = eqx.field(converter=jnp.asarray)
+
+    def follow(self, motion, memory):
+        return self.J / 0.5**2 * motion.a, memory
 
 
-@pytest.mark.parametrize("start", ["struck", "released", "moving"])
-def test_a_mass_of_the_joint_is_one_of_the_structure(start):
-    """The limit: of two ways to place the same mass; errors fall with the step's square."""
-    given = {
-        "struck": {},
-        "released": {"displacement": [1e-3]},
-        "moving": {"velocity": [2e-2]},
-    }[start]
-    errors = []
-    for dt in (DT, DT / 2, DT / 4):
-        samples = round(0.5 / dt)
-        force = pulse(dt, samples) * (start == "struck")
-        options = {"accuracy": None, "keep": ["displacement"], **given}
-        seen, whole = (
-            np.ravel(ij.simulate(s, force, dt, **options).displacement)
-            for s in (structure(M, 0.6), structure(M + 0.6, 0.0))
-        )
-        errors.append(np.max(np.abs(seen - whole)) / np.max(np.abs(whole)))
-    assert errors[-1] < 2e-3
-    # A motion that begins with an acceleration loses the first half step of it.
-    assert errors[1] / errors[2] > (3.5 if start == "struck" else 1.8)
+def joined(**joints):
+    spring = ij.CubicSpring(k3=1e4)
+    return ij.JointedStructure(
+        ij.LinearStructure(M, 0.01 * M, K), {"s": (np.array([1.0, 0.0]), spring)} | joints
+    )
+
+
+def test_an_inerter_is_its_matrix():
+    """Smith (2002), Eq. (1): F = b (v2' - v1'), so M + b r r^T; modes, QSMA and motion know it."""
+    b = 0.7
+    spring = {"s": (np.array([1.0, 0.0]), ij.CubicSpring(k3=1e4))}
+    expected = ij.JointedStructure(
+        ij.LinearStructure(M + b * np.outer(ROW, ROW), 0.01 * M, K), spring
+    )
+    seen = joined(b=(ROW, Inertia(b)))
+    assert seen.labels == ("s",)
+    np.testing.assert_allclose(seen.modes().omega, expected.modes().omega, rtol=1e-12)
+    assert np.all(seen.modes().omega < joined().modes().omega)
+    alpha = np.geomspace(1e-3, 0.3, 5)
+    np.testing.assert_allclose(
+        ij.qsma(seen, mode=0, alpha=alpha).curves.frequency,
+        ij.qsma(expected, mode=0, alpha=alpha).curves.frequency,
+        rtol=1e-12,
+    )
+    start = {"displacement": [0.1, -0.2], "velocity": [1.0, 0.5]}
+    motion = [ij.simulate(js, np.zeros((300, 2)), 5e-3, **start) for js in (seen, expected)]
+    np.testing.assert_allclose(motion[0].displacement, motion[1].displacement, atol=1e-12)
+
+
+def test_so_is_an_inertial_law_of_one_s_own():
+    np.testing.assert_allclose(
+        joined(b=(ROW, Flywheel(0.175))).structure.M, M + 0.7 * np.outer(ROW, ROW), rtol=1e-12
+    )
+
+
+def test_what_a_mass_matrix_cannot_take_is_refused():
+    with pytest.raises(ij.InputError, match=r"'b' is a batch of \(2,\) inertias; expected one"):
+        joined(b=(ROW, Inertia(jnp.array([0.5, 3.0]))))
+    with pytest.raises(ij.InputError, match=r"'b' is an inertia, part of the mass matrix"):
+        joined(b=(ROW, Inertia(0.7))).with_joints({"b": Inertia(0.8)})
 
 
 def test_its_force_is_that_of_the_acceleration_of_a_history():
@@ -53,22 +75,6 @@ def test_its_force_is_that_of_the_acceleration_of_a_history():
     # Rates of a history are those of the middle of each step.
     a = np.gradient(np.gradient(d, dt), dt)
     np.testing.assert_allclose(force[5:-2], 2.5 * a[5:-2], atol=0.03 * np.max(np.abs(2.5 * a)))
-
-
-def test_an_inerter_is_its_matrix():
-    """Smith (2002), Eq. (1): F = b (v2' - v1'), here by the frequencies of two masses."""
-    M, K, b = np.diag([1.0, 2.0]), np.array([[300.0, -100.0], [-100.0, 100.0]]), 0.7
-    row = np.array([-1.0, 1.0])
-    by_matrix = ij.LinearStructure(M + b * np.outer(row, row), 0.0 * M, K).modes()
-    joined = ij.JointedStructure(ij.LinearStructure(M, 0.0 * M, K), {"b": (row, Inertia(b))})
-    dt, n = 2e-3, 400
-    q = np.asarray(by_matrix.Phi)[:, 1]
-    found = ij.simulate(
-        joined, np.zeros((n, 2)), dt, displacement=1e-3 * q, accuracy=None, keep=["displacement"]
-    )
-    wave = np.cos(float(by_matrix.omega[1]) * dt * np.arange(n))
-    seen = np.asarray(found.displacement) @ q / (1e-3 * q @ q)
-    np.testing.assert_allclose(seen, wave, atol=0.05)
 
 
 def test_over_a_cycle_it_loses_and_carries_nothing():
