@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from discrepancy import forced_oscillator as forced
+from discrepancy.histories import forced_oscillator as forced
 from numpy.testing import assert_allclose
 
 import iwanjax as ij
