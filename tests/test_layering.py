@@ -110,6 +110,49 @@ def test_every_room_has_a_layer(room):
     assert room in LAYER_OF, f"place {room} in the table LAYERS of this test"
 
 
+# Rooms inside a room: either stands on what both share, beside each other and on nothing of theirs.
+# The package's own ``__init__``, which names what users see of all, is no part of what is shared.
+BESIDE = {"iwanjax.discrepancy": ("histories", "steady")}
+
+
+def side_of(name: str) -> tuple[str, str]:
+    """Room with rooms inside it that a name is in, and which of those; empty where it is shared."""
+    for outer, sides in BESIDE.items():
+        if name.startswith(f"{outer}."):
+            inner = name.removeprefix(f"{outer}.").split(".")[0]
+            return outer, inner if inner in sides else ""
+    return "", ""
+
+
+def strays(module: str, imported: set[str]) -> list[str]:
+    """Names that a module imports from a room beside its own, or below what both share."""
+    outer, own = side_of(module)
+    sides = [(name, *side_of(name)) for name in sorted(imported)]
+    return [
+        name for name, other, side in sides if outer and other == outer and side not in ("", own)
+    ]
+
+
+@pytest.mark.parametrize("module", [m for m in PATHS if side_of(m)[0]])
+def test_rooms_beside_each_other_share_only_what_is_in_neither(module):
+    assert not strays(module, imports_of(module))
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        ("histories.ranking", "steady.fit.SteadyFit"),
+        ("steady.fit", "histories.ranking"),
+        ("judgement", "histories.noise.common_noise"),
+        ("judgement", "steady"),
+    ],
+)
+def test_a_stray_import_is_found(module, name):
+    at = "iwanjax.discrepancy"
+    assert strays(f"{at}.{module}", {f"{at}.{name}", f"{at}.evidence.shares"}) == [f"{at}.{name}"]
+    assert not strays(at, {f"{at}.{name}"})
+
+
 def test_no_module_imports_itself_by_a_detour():
     assert not cycle({module: imports_of(module) for module in PATHS})
 
