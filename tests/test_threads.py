@@ -80,7 +80,7 @@ def test_a_large_batch_uses_the_threads_that_there_are(on_processors, monkeypatc
     asked = []
     pool = levels.ThreadPoolExecutor
     monkeypatch.setattr(levels, "ThreadPoolExecutor", lambda n: asked.append(n) or pool(n))
-    monkeypatch.setattr(levels, "_BLOCK", 2)
+    monkeypatch.setattr(levels, "BLOCK", 2)
     joint = ij.Iwan4(F_S=10.0, K_T=np.linspace(1.0, 2.0, 5), chi=-0.5, beta=5.0)
     chain = ij.LinearStructure(np.eye(2), None, [[2.0, -1.0], [-1.0, 2.0]])
     solution = ij.qsma(ij.JointedStructure(chain, {"J1": ([-1.0, 1.0], joint)}), 0, [0.1], 1e-3)

@@ -26,8 +26,8 @@ _ACCEPTED = 1e-9
 _RUNAWAY = 1e8
 # Lanes (levels x modes x sets) worked on at once: few enough to stay in the cache.
 _LANES = 4800
-# Sets handed to one core at a time.
-_BLOCK = 2048
+BLOCK = 2048
+"""Sets handed to one core at a time."""
 
 Background: TypeAlias = Float[Array, " modes"] | PowerLawDamping
 """Damping ratio beside the joints: one number a mode, or a law of the modal amplitude."""
@@ -103,7 +103,7 @@ def solve_levels(joints: tuple[AbstractJoint, ...], task: Task) -> Levels:
     batched, shared = eqx.partition(joints, lambda leaf: jnp.ndim(leaf) == 1)
     leaves = jax.tree.leaves(batched)
     sets = leaves[0].shape[0] if leaves else 1
-    if is_traced(joints, task) or jax.default_backend() != "cpu" or sets <= _BLOCK:
+    if is_traced(joints, task) or jax.default_backend() != "cpu" or sets <= BLOCK:
         return _solve_chunks(joints, task)
     # XLA gains next to nothing from a second core on arrays that fit the cache; two calls
     # side by side do. Blocks of one size share one compiled kernel.
@@ -112,7 +112,7 @@ def solve_levels(joints: tuple[AbstractJoint, ...], task: Task) -> Levels:
 
     def block(start: int) -> None:
         nonlocal out
-        index = np.minimum(np.arange(start, start + _BLOCK), sets - 1)
+        index = np.minimum(np.arange(start, start + BLOCK), sets - 1)
         part = jax.tree.map(lambda leaf: leaf[index], batched)
         found = [
             np.asarray(x) for x in _solve_chunks(eqx.combine(part, shared), task) if x is not None
@@ -120,13 +120,13 @@ def solve_levels(joints: tuple[AbstractJoint, ...], task: Task) -> Levels:
         with lock:
             if out is None:
                 out = [np.empty((sets, *x.shape[1:]), x.dtype) for x in found]
-        count = min(_BLOCK, sets - start)
+        count = min(BLOCK, sets - start)
         for whole, x in zip(out, found, strict=True):
             whole[start : start + count] = x[:count]
 
     block(0)
     with ThreadPoolExecutor(available_threads()) as pool:
-        list(pool.map(block, range(_BLOCK, sets, _BLOCK)))
+        list(pool.map(block, range(BLOCK, sets, BLOCK)))
     arrays = [jnp.asarray(x) for x in out or []]
     return Levels(*arrays) if task.deflections else Levels(*arrays, deflection=None)
 

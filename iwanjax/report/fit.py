@@ -190,13 +190,11 @@ def _section(entry: FitEntry) -> PageSection:
     if entry.held_out:
         tables.append(_held_out(entry.held_out))
     if entry.posterior is not None:
-        tables.append(_posterior(entry.posterior))
-    return PageSection(
-        entry.name or "Fit", tuple(paragraphs), tuple(_figures(entry)), tuple(tables)
-    )
+        tables.append(posterior_table(entry.posterior))
+    return PageSection(entry.name or "Fit", tuple(paragraphs), tuple(figures(entry)), tuple(tables))
 
 
-def _figures(entry: FitEntry) -> list[tuple[str, bytes]]:
+def figures(entry: FitEntry) -> list[tuple[str, bytes]]:
     """Captions and pictures; each figure is closed once it is a picture."""
     s = entry.solution
     held = [row.curves for row in entry.held_out if row.curves is not None]
@@ -351,7 +349,8 @@ def _held_out(rows: Sequence[HeldOut]) -> PageTable:
     )
 
 
-def _posterior(posterior: Posterior) -> PageTable:
+def posterior_table(posterior: Posterior) -> PageTable:
+    """Medians, 90 % intervals and effective numbers of samples of the parameters."""
     samples = posterior.samples
     rows = []
     for name in posterior.names:

@@ -341,7 +341,7 @@ def test_macroslip_is_said_to_be_reached_or_not(solution):
 
 
 def test_other_minima_are_told(solution, monkeypatch):
-    monkeypatch.setattr("iwanjax.report.fit._figures", lambda entry: [])
+    monkeypatch.setattr("iwanjax.report.fit.figures", lambda entry: [])
     rival = dataclasses.replace(
         solution, rivals={"F_S": (0.085, 1.8)}, derived={"phi_max": (1e-5, 8e-6)}
     )
@@ -402,7 +402,7 @@ def test_the_posterior_has_its_table(whole, solution):
 
 def test_what_must_not_be_overlooked_is_called_out(solution, monkeypatch):
     """Bounds, a short chain, an estimate that the posterior does not know."""
-    monkeypatch.setattr("iwanjax.report.fit._figures", lambda entry: [])
+    monkeypatch.setattr("iwanjax.report.fit.figures", lambda entry: [])
     bound = dataclasses.replace(solution, active_bounds={"zeta_0": 0.002})
     shifted = sampled(solution, enough=False, effective={"f_0": 12.0})
     shifted.chain[..., shifted.names.index("F_S")] *= 3.0
@@ -415,7 +415,9 @@ def test_what_must_not_be_overlooked_is_called_out(solution, monkeypatch):
     names = [a for a in page.text.split() if a in ("a.", "b.")]
     assert names == ["a.", "b."]
 
-    monkeypatch.setattr("iwanjax.report.fit._posterior", lambda posterior: PageTable(("n",), ()))
+    monkeypatch.setattr(
+        "iwanjax.report.fit.posterior_table", lambda posterior: PageTable(("n",), ())
+    )
     page = Page(fit_report("r", [FitEntry("a", solution, posterior=shifted)]))
     assert "not long enough: it got to 12 of 300" in page.text
     assert "outside the central 99 % of its posterior: F_S = " in page.text

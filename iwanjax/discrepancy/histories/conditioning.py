@@ -207,7 +207,7 @@ def _pushed(made: Predictor, modal: ModalCoordinates, force: np.ndarray) -> np.n
     if not near.size:
         return push
     part, fine = float(made.dt) / _PARTS, 2 * _PARTS * steps
-    between = _finer(force, fine)
+    between = upsampled(force, fine)
     by = hold(np.asarray(made.omega2), np.asarray(made.C), part)
     for k in range(steps):
         q: Any = np.zeros((kept, len(near)))
@@ -226,7 +226,7 @@ def _pushed(made: Predictor, modal: ModalCoordinates, force: np.ndarray) -> np.n
     return push
 
 
-def _finer(force: np.ndarray, times: int) -> np.ndarray:
+def upsampled(force: np.ndarray, times: int) -> np.ndarray:
     """So many values for each sample, the first at the sample itself; no others between them."""
     found = np.fft.irfft(np.fft.rfft(force, axis=0), times * len(force), axis=0)
     return times * found

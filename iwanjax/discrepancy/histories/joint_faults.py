@@ -114,13 +114,13 @@ def with_joint_faults(
     limits = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT)
     found = _beside_another(problem, pairs[:_PAIRS], limits, scope)
     found += stuck(problem, nominal, limits, scope) if left else []
-    single = _explaining_too_little(problem, best, found)
+    single = explaining_too_little(problem, best, found)
     if single is not None:
-        found += _beside_stiction(problem, single, limits, scope)
+        found += beside_stiction(problem, single, limits, scope)
     return _compared(shorts, entries, found, scope)
 
 
-def _explaining_too_little(
+def explaining_too_little(
     problem: HistoryProblem, best: HypothesisFit, found: Sequence[RankedFit]
 ) -> HypothesisFit | None:
     """The best suspect, if it is one force that leaves much, and so do all joints' faults."""
@@ -129,7 +129,7 @@ def _explaining_too_little(
     return best if single and min([best.cost, *map(cost_of, found)]) > much else None
 
 
-def _beside_stiction(
+def beside_stiction(
     problem: HistoryProblem, single: HypothesisFit, limits: Limits, scope: Scope
 ) -> list[RankedFit]:
     """A joint that sticks beside a force, where it takes most of what the force leaves."""

@@ -46,7 +46,7 @@ class Layout(NamedTuple):
     precision: np.ndarray
 
 
-def _laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray]:
+def laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray]:
     """Which values are free, and where they begin."""
     hypothesis, R, p = start.hypothesis, problem.recordings, problem.parameters
     slots = len(hypothesis.sizes)
@@ -324,7 +324,7 @@ def resumed(
     problem: HistoryProblem, start: Start, x: np.ndarray, change: np.ndarray, time_constant: float
 ) -> Descent:
     """A search where another ended, the joints moved from there."""
-    layout, _ = _laid_out(problem, start)
+    layout, _ = laid_out(problem, start)
     there = x.copy()
     there[: len(change)] += change
     (seen,) = linearise(
@@ -337,15 +337,15 @@ def resumed(
 
 def begun(problem: HistoryProblem, starts: Sequence[Start], time_constant: float) -> list[Descent]:
     """Searches at their beginning."""
-    laid_out = [_laid_out(problem, start) for start in starts]
+    layouts = [laid_out(problem, start) for start in starts]
     hypotheses = [start.hypothesis for start in starts]
     thetas = [
-        (h, layout.base + layout.T @ x) for h, (layout, x) in zip(hypotheses, laid_out, strict=True)
+        (h, layout.base + layout.T @ x) for h, (layout, x) in zip(hypotheses, layouts, strict=True)
     ]
     count = int(np.count_nonzero(np.asarray(problem.data.weight)))
     return [
         Descent(h, layout, problem.parameters, count, x, seen, correlation_time(seen.residual))
         for h, (layout, x), seen in zip(
-            hypotheses, laid_out, linearise(problem, thetas, time_constant), strict=True
+            hypotheses, layouts, linearise(problem, thetas, time_constant), strict=True
         )
     ]

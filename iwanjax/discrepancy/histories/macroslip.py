@@ -90,7 +90,7 @@ def _by_joint(problem: HistoryProblem, fitted: HypothesisFit) -> list[list[Alter
             continue
         changes = {}
         for farther in (*_FARTHER, -_LITTLE):
-            there = _beyond(joint, fit, z[own], farther)
+            there = with_later_macroslip(joint, fit, z[own], farther)
             if there is not None:
                 changes[farther] = np.zeros(p)
                 changes[farther][own] = there - z[own]
@@ -99,7 +99,9 @@ def _by_joint(problem: HistoryProblem, fitted: HypothesisFit) -> list[list[Alter
     return found
 
 
-def _beyond(joint: Joint, fit: Iwan4, z: np.ndarray, farther: float) -> np.ndarray | None:
+def with_later_macroslip(
+    joint: Joint, fit: Iwan4, z: np.ndarray, farther: float
+) -> np.ndarray | None:
     """The z at which R, K_T and chi are the same and phi_max is e^farther times larger."""
     F_S, chi, beta = (float(getattr(fit, name)) for name in ("F_S", "chi", "beta"))
     strongest = (1.0 + beta) * np.exp(-farther * (1.0 + chi)) - 1.0

@@ -77,7 +77,7 @@ def _grown(
 ) -> list[RankedFit]:
     """Entries after pairs with one of them, or after what turned out to do alone."""
     for _ in range(_ROUNDS):
-        pairs, enough = _beside(problem, first, scope)
+        pairs, enough = partners_of(problem, first, scope)
         if not enough:
             return [RankedFit(problem, each) for each in pairs] + entries
         # The joints were bent, or the first was only like the second: looked at again from there.
@@ -86,7 +86,7 @@ def _grown(
     return entries
 
 
-def _beside(
+def partners_of(
     problem: HistoryProblem, first: HypothesisFit, scope: Scope
 ) -> tuple[list[HypothesisFit], list[HypothesisFit]]:
     """Pairs that explain much more than a suspect alone, and those of the best that do alone."""

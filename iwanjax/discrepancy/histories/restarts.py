@@ -97,7 +97,7 @@ def restarted(
         p = own.parameters
         draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
         starts = [Start(start.hypothesis, np.concatenate([z, start.common[p:]])) for z in draws]
-        fits = _scattered(own, starts, shortest, scope, everywhere)
+        fits = scattered(own, starts, shortest, scope, everywhere)
         if fits[0].cost > FAR * shortest:
             continue
         shortest = min(shortest, fits[0].cost)
@@ -118,7 +118,7 @@ def restarted(
     return sorted(found, key=cost_of)
 
 
-def _scattered(
+def scattered(
     problem: HistoryProblem, starts: Sequence[Start], best: float, scope: Scope, everywhere: bool
 ) -> list[HypothesisFit]:
     """Fits from joints all over with the shortest memory, the best first.

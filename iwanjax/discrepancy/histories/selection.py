@@ -131,7 +131,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     if not scope.in_time():
         return ModelSelection(False, RankedFit(problem, nominal), (), scores)
     scope.progress("refitting suspects")
-    shorts = _first(problem, nominal, both, scope)
+    shorts = first_fits(problem, nominal, both, scope)
     explained = bool(shorts) and shorts[0].fitted.cost < FAR * left_by_noise(problem)
     within = FAR if explained else GIVE_UP
     near = [e for e in shorts[:_SECOND] if e.fitted.cost < within * shorts[0].fitted.cost]
@@ -161,7 +161,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         entries = with_joints_left_out(problem, nominal, shorts, entries, candidates, scope)
     entries = with_joint_faults(problem, nominal, shorts, entries, scope)
     base, entries = ranked(base, entries)
-    if entries and scope.in_time() and _lost(problem, base.fitted, entries):
+    if entries and scope.in_time() and restart_wanted(problem, base.fitted, entries):
         # Nothing that was tried explains all: ends that agreed may all have been the wrong one.
         entries = restarted(problem, base.fitted, entries, scope, seed + 1, everywhere=True)
         base = replace(base, fitted=renominated(problem, base.fitted, entries, scope))
@@ -217,7 +217,9 @@ def _moved(entries: Sequence[RankedFit], problem: HistoryProblem) -> list[Ranked
     return [replace(e, problem=moved[id(e.problem)]) for e in entries]
 
 
-def _lost(problem: HistoryProblem, nominal: HypothesisFit, entries: Sequence[RankedFit]) -> bool:
+def restart_wanted(
+    problem: HistoryProblem, nominal: HypothesisFit, entries: Sequence[RankedFit]
+) -> bool:
     """Whether much is left, or a fault of a joint leaves something: that had one start only."""
     enough = FAR if entries[0].problem is problem else MISFIT
     return least(nominal, entries).cost > enough * left_by_noise(problem)
@@ -259,7 +261,7 @@ def _polished(
     return base, doubted(base.problem, close) if close else close
 
 
-def _first(
+def first_fits(
     problem: HistoryProblem,
     nominal: HypothesisFit,
     scored: Sequence[Sequence[Candidate]],
@@ -280,7 +282,7 @@ def _first(
                 chosen.setdefault(hypothesis.variant, []).extend(_starts(problem, c, far))
     found = multistart(
         problem,
-        _begun(problem, nominal, list(chosen.values())),
+        withstood_starts(problem, nominal, list(chosen.values())),
         SHORT_TIME_CONSTANT,
         STEPS,
         tolerance=_ROUGH,
@@ -298,7 +300,7 @@ def _starts(problem: HistoryProblem, candidate: Candidate, far: bool) -> list[St
     return [start, given] if far else [start]
 
 
-def _begun(
+def withstood_starts(
     problem: HistoryProblem, nominal: HypothesisFit, choices: Sequence[Sequence[Start]]
 ) -> list[Start]:
     """For each hypothesis the best of its starts, smaller ones where the model breaks down there.

@@ -149,7 +149,7 @@ class StepRefinement:
         InputError
             Where units seem to be mixed up.
         """
-        coarse = self._at(_SUBSTEPS)
+        coarse = self.with_substeps(_SUBSTEPS)
         _require_same_units(coarse.problem)
         if not _fast(coarse):
             return coarse
@@ -182,7 +182,7 @@ class StepRefinement:
         steps = now.problem.predictor.substeps
         if steps >= _MOST_SUBSTEPS:
             return now
-        finest = self._at(_MOST_SUBSTEPS)
+        finest = self.with_substeps(_MOST_SUBSTEPS)
         finer = problem.with_steps_of(finest.problem)
         changed = max(
             _change(problem, finer, hypothesis, theta, time_constant) / unit
@@ -192,9 +192,10 @@ class StepRefinement:
         enough = math.ceil(steps * changed**0.25)
         if enough >= _MOST_SUBSTEPS:
             return finest
-        return self._at(enough) if enough > steps else now
+        return self.with_substeps(enough) if enough > steps else now
 
-    def _at(self, substeps: int) -> Refined:
+    def with_substeps(self, substeps: int) -> Refined:
+        """With so many steps between samples."""
         by, modal = self.made(substeps)
         sides = StudyData.of(self.recordings, by, modal, self.noise)
         noise = np.median(sides.fitted.noise, axis=0)

@@ -40,10 +40,10 @@ from iwanjax.updating.parameters import Parameter, drawn, replaced
 from iwanjax.updating.problem import modal_unit
 from iwanjax.updating.structural import joint_parameters
 
-# Share of a mode's fall of frequency, and of its damping, by which an oscillator with one Iwan
-# joint is off the mode of a structure with one: the joint works against the other modes'
-# flexibility, and the shape changes. Quasi-statics of chains and a lapped beam say 0.1 to 0.7 %.
-_MODEL_ERROR = 0.005
+OSCILLATOR_ERROR = 0.005
+"""Share of a mode's fall of frequency, and of its damping, by which an oscillator with one Iwan
+joint is off the mode of a structure with one: the joint works against the other modes'
+flexibility, and the shape changes. Quasi-statics of chains and a lapped beam say 0.1 to 0.7 %."""
 # Relative difference of costs that is rounding.
 _SAME = 1e-6
 
@@ -310,8 +310,8 @@ def _doubted(curves: ModalCurves, highest: float) -> ModalCurves:
     """Curves with what an oscillator may be off by in their deviations."""
     if curves.frequency_std is None or curves.damping_std is None:
         return curves
-    f_std = jnp.hypot(curves.frequency_std, _MODEL_ERROR * (highest - curves.frequency))
-    zeta_std = jnp.hypot(curves.damping_std, _MODEL_ERROR * curves.damping)
+    f_std = jnp.hypot(curves.frequency_std, OSCILLATOR_ERROR * (highest - curves.frequency))
+    zeta_std = jnp.hypot(curves.damping_std, OSCILLATOR_ERROR * curves.damping)
     return eqx.tree_at(lambda c: (c.frequency_std, c.damping_std), curves, (f_std, zeta_std))
 
 

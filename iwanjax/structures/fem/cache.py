@@ -17,8 +17,8 @@ from iwanjax.files import whole_file
 from iwanjax.structures.fem.library import skfem
 from iwanjax.structures.reduced_model import ReducedModel, SurfaceShape
 
-# Part of every key: raise it with any change of code that changes a result.
-_VERSION = 1
+VERSION = 1
+"""Part of every key: raise it with any change of code that changes a result."""
 
 
 def cached(
@@ -65,7 +65,7 @@ def _key(name: str, options: Mapping[str, Any]) -> str:
             return value.tolist()
         raise TypeError
 
-    everything = {"name": name, "version": _VERSION, "skfem": skfem().__version__, **options}
+    everything = {"name": name, "version": VERSION, "skfem": skfem().__version__, **options}
     try:
         return json.dumps(everything, default=plain, sort_keys=True, allow_nan=False)
     except (TypeError, ValueError):

@@ -10,7 +10,7 @@ from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.ranking import Scope
 from iwanjax.discrepancy.histories.selection import ModelSelection
 
-STAGES = ("nominal_fit", "scored", "_first", "again")
+STAGES = ("nominal_fit", "scored", "first_fits", "again")
 
 
 def scope(stages: int, seen: list[str]) -> Scope:
@@ -27,7 +27,7 @@ def test_no_stage_begins_when_the_time_is_over(monkeypatch, stages):
     results = {
         "nominal_fit": entry(9.0).fitted,
         "scored": [candidate],
-        "_first": [entry(1.0, "mass_error@a", time_constant=2.0)],
+        "first_fits": [entry(1.0, "mass_error@a", time_constant=2.0)],
     }
 
     def stage(name):

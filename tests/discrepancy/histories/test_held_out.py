@@ -73,7 +73,7 @@ def test_a_drift_goes_on_in_line(loosening):
     theta = np.zeros((3, 6))
     theta[:, 0] = 0.4, 0.2, -0.2
     theta[:, 1] = 0.3, 0.25, 0.25
-    layout, x = lanes._laid_out(problem, SimpleNamespace(hypothesis=hypothesis, theta=theta))
+    layout, x = lanes.laid_out(problem, SimpleNamespace(hypothesis=hypothesis, theta=theta))
     np.testing.assert_allclose((layout.base + layout.T @ x)[:, :6], theta, atol=1e-12)
     of_strength, of_stiffness = rates(problem, hypothesis)
     assert x[of_strength] == pytest.approx(-0.6)

@@ -39,7 +39,7 @@ def fitted(cost: float, *kinds: str) -> SimpleNamespace:
 )
 def test_a_partner_is_looked_for_beside_one_force_that_leaves_much(best, sensor_faults, asked):
     found = [RankedFit(SEARCH, fitted(cost, "stiction")) for cost in sensor_faults]
-    single = joint_faults._explaining_too_little(SEARCH, best, found)
+    single = joint_faults.explaining_too_little(SEARCH, best, found)
     assert single is (best if asked else None)
 
 
@@ -56,5 +56,5 @@ def test_a_joint_that_sticks_has_to_take_most_of_what_the_force_leaves(monkeypat
     monkeypatch.setattr(joint_faults, "multistart", lambda *_, **__: [short])
     monkeypatch.setattr(joint_faults, "stuck", stuck)
     single = fitted(5.0, "gap_contact")
-    assert joint_faults._beside_stiction(SEARCH, single, LIMITS, GROUNDS) == [pair] * kept
+    assert joint_faults.beside_stiction(SEARCH, single, LIMITS, GROUNDS) == [pair] * kept
     assert seen == [(short, short.cost, short.start)]

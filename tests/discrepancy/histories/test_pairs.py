@@ -33,7 +33,7 @@ def asked(monkeypatch):
         found = entry(0.3, "m3").fitted if seen[-1] == "m3" else entry(60.0, "m2").fitted
         return [found], []
 
-    monkeypatch.setattr(pairs, "_beside", beside)
+    monkeypatch.setattr(pairs, "partners_of", beside)
     return seen
 
 

@@ -14,7 +14,7 @@ from struck_mass import JOINT, resolution, searching, struck
 import iwanjax as ij
 from iwanjax.discrepancy.effects import CATALOGUE, ForceKind, JointKind
 from iwanjax.discrepancy.histories import restarts, selection
-from iwanjax.discrepancy.histories.conditioning import _finer
+from iwanjax.discrepancy.histories.conditioning import upsampled
 from iwanjax.discrepancy.histories.hypotheses import JointStart, force, with_joint, with_stiction
 from iwanjax.discrepancy.histories.joint_faults import without_the_other
 from iwanjax.discrepancy.histories.joint_priors import Joint
@@ -61,7 +61,7 @@ def test_between_samples_a_force_is_what_a_filter_let_through(length, times, sha
     # Whole periods: where a recording ends, nothing acts.
     frequency = math.floor(share * length) / length
     wave = lambda t: np.cos(2 * np.pi * frequency * t + 0.7)  # noqa: E731
-    found = _finer(wave(np.arange(length))[:, None], times)[:, 0]
+    found = upsampled(wave(np.arange(length))[:, None], times)[:, 0]
     np.testing.assert_allclose(found, wave(np.arange(length * times) / times), atol=1e-9)
 
 
@@ -208,11 +208,11 @@ def test_a_size_that_no_run_survives_is_begun_with_smaller():
 
     edge = next(k for k in 8e3 * 2.0 ** np.arange(40) if cost(spring(k)) > 100.0 * nominal.cost)
     for size, share in ((8e3, 1.0), (2.0 * edge, 0.1), (20.0 * edge, 0.01)):
-        (begun,) = selection._begun(problem, nominal, [[spring(size)]])
+        (begun,) = selection.withstood_starts(problem, nominal, [[spring(size)]])
         assert begun.theta[4] == pytest.approx(share)
     # The best of a hypothesis's own starts; none where none is survived.
     good, far, lost = spring(8e3), spring(2.0 * edge), spring(1e3 * edge)
-    (begun,) = selection._begun(problem, nominal, [[far, good], [lost]])
+    (begun,) = selection.withstood_starts(problem, nominal, [[far, good], [lost]])
     assert begun.theta[4] == good.theta[4]
     assert begun.hypothesis is good.hypothesis
 
@@ -325,7 +325,7 @@ def test_ends_that_agree_are_taken_for_all_but_not_where_nothing_explains_the_re
 
     monkeypatch.setattr(restarts, "multistart", ends)
     scope = SimpleNamespace(in_time=lambda: True)
-    fits = restarts._scattered(None, range(8), math.inf, scope, everywhere)  # type: ignore[arg-type]
+    fits = restarts.scattered(None, range(8), math.inf, scope, everywhere)  # type: ignore[arg-type]
     assert fits[0].cost == least
     assert len(asked) == tried
 
@@ -350,7 +350,7 @@ def test_a_fault_of_a_joint_that_leaves_something_is_tried_from_other_joints(
         time_constant=TIME_CONSTANT,
     )
     entry = RankedFit(own if of_a_joint else tight, suspect)
-    assert selection._lost(tight, nominal, [entry]) == lost
+    assert selection.restart_wanted(tight, nominal, [entry]) == lost
     asked = []
 
     def ends(problem, starts, *_, **__):
@@ -446,7 +446,7 @@ def test_a_fast_mode_wants_finer_steps_for_its_free_run_only():
 def test_a_joint_left_out_takes_finer_steps_with_it():
     response = struck(lambda d: 8e3 * d)
     taken, (problem, scope) = resolution(response), searching(response)
-    finer = taken._at(4).problem
+    finer = taken.with_substeps(4).problem
     (place,), (kind,) = scope.places, CATALOGUE["iwan_joint"]
     assert isinstance(kind, JointKind)
     guess = [JointStart(8e3, 1e-3, np.zeros(4))]

@@ -12,7 +12,11 @@ import iwanjax as ij
 from iwanjax.discrepancy.effects import CATALOGUE
 from iwanjax.discrepancy.histories.conditioning import conditioned
 from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at
-from iwanjax.discrepancy.histories.macroslip import _beyond, alternatives, in_the_middle
+from iwanjax.discrepancy.histories.macroslip import (
+    alternatives,
+    in_the_middle,
+    with_later_macroslip,
+)
 from iwanjax.discrepancy.histories.multistart import multistart
 from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
@@ -36,7 +40,7 @@ def iwan(joints: tuple[Joint, ...], z) -> ij.Iwan4:
 def test_another_macroslip_leaves_the_microslip_as_it_is(z, farther):
     joint = Joint(TRUE, jnp.ones(4))
     fit = iwan((joint,), z)
-    found = _beyond(joint, fit, np.array(z), farther)
+    found = with_later_macroslip(joint, fit, np.array(z), farther)
     # Without a last slider left there is nothing to begin later.
     strongest = (1.0 + float(fit.beta)) * math.exp(-farther * (1.0 + float(fit.chi))) - 1.0
     assert (found is None) == (strongest <= 0)
