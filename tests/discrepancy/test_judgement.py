@@ -84,6 +84,90 @@ def test_what_the_verdict_is(candidates, before, after, name, detected):
     assert (found.name, found.detected) == (name, detected)
 
 
+NOTHING, RIGHT, FAR = (1.0, 1.0), (1.2, 1.1), (50.0, 40.0)
+"""Misfits of a model that is right, of one that is nearly, and of one that is not."""
+
+
+@pytest.mark.parametrize(
+    ("gain", "before", "after", "floor", "name"),
+    [
+        # No evidence: the model stands while its misfit is that of noise, and falls with it.
+        (-20.0, NOTHING, NOTHING, 0.01, "nothing_missing"),
+        (-20.0, RIGHT, RIGHT, 0.01, "nothing_missing"),
+        (-20.0, FAR, FAR, 0.01, "undecided"),
+        (-20.0, (1.0, 50.0), (1.0, 50.0), 0.01, "undecided"),
+        # Evidence, and all is explained.
+        (20.0, FAR, NOTHING, 0.01, "something_missing"),
+        (20.0, RIGHT, NOTHING, 0.01, "something_missing"),
+        # Evidence, and much is left: half, a fifth; a twentieth is no more than models are off by.
+        (20.0, FAR, (25.0, 20.0), 0.01, "undecided"),
+        (20.0, FAR, (10.0, 8.0), 0.01, "undecided"),
+        (20.0, FAR, (2.5, 2.0), 0.01, "something_missing"),
+        # Evidence, but what was held out is predicted worse: refused, and the model as it was.
+        (20.0, (50.0, 40.0), (1.0, 41.0), 0.01, "undecided"),
+        # Neither: what is there is too small for a name, and for doubt.
+        (0.0, RIGHT, NOTHING, 0.01, "undecided"),
+        # One in e times likelier than nothing has most of the probability.
+        (1.0, (3.0, 3.0), NOTHING, 0.01, "something_missing"),
+    ],
+)
+def test_before_after_and_floor_give_a_verdict(gain, before, after, floor, name):
+    """Refused where it predicts worse than without; else judged by evidence and what it leaves."""
+    held = [x * floor for x in (before[1], after[1])]
+    if worse(*held, 1.05 * floor):
+        found = judged(0.0, [], Misfit(*before))
+    else:
+        found = judged(0.0, [gain], Misfit(*before), Misfit(*after))
+    assert found.name == name
+    unknown = name == "undecided" and max(before) > 1.6
+    assert found.detected == (name == "something_missing" or unknown)
+
+
+def doubt(before: tuple[float, float], after: tuple[float, float]) -> float:
+    """Probability that a correction with all the evidence is not what is missing."""
+    return judged(0.0, [1e6], Misfit(*before), Misfit(*after)).something_else
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [
+        # Sixteen to one: half of the share at which a law is as likely a neighbour of the truth.
+        ((100.0, math.nan), (math.sqrt(1.0 + 0.05**2 * 9999.0), math.nan), 1.0 / 17.0),
+        ((100.0, math.nan), (math.sqrt(1.0 + 0.1**2 * 9999.0), math.nan), 0.5),
+        ((100.0, math.nan), (math.sqrt(1.0 + 0.2**2 * 9999.0), math.nan), 16.0 / 17.0),
+        # The same of what was held out alone, and of both.
+        ((math.nan, 100.0), (math.nan, math.sqrt(1.0 + 0.1**2 * 9999.0)), 0.5),
+        ((100.0, 100.0), (math.sqrt(1.0 + 0.1**2 * 2 * 9999.0), 1.0), 0.5),
+        # Within the noise nothing is left, however much there was.
+        ((1.1, 1.1), (1.0, 1.0), 0.0),
+        ((1e6, 1e6), (0.9, 1.0), 0.0),
+        # What leaves more than there was, or diverges, explains nothing.
+        ((50.0, 50.0), (math.inf, 50.0), 1.0),
+        ((math.inf, math.inf), (math.inf, math.inf), 1.0),
+    ],
+)
+def test_a_correction_is_doubted_by_the_share_that_it_leaves(before, after, expected):
+    assert doubt(before, after) == pytest.approx(expected, abs=1e-9)
+
+
+def test_fitted_and_held_out_recordings_are_doubted_together():
+    """A cubic spring in Silverbox: by the worse half alone it would be as likely wrong as right."""
+    before, after = (78.0, 33.0), (7.8, 2.3)
+    assert judged(0.0, [50.0], Misfit(*before), Misfit(*after)).name == "something_missing"
+    halves = [doubt((b, math.nan), (a, math.nan)) for b, a in zip(before, after, strict=True)]
+    together = doubt(before, after)
+    assert min(halves) < together < 0.5 - 0.02
+    # Squares beyond the noise, of both: 64.1 of 7171.
+    share = math.sqrt((7.8**2 + 2.3**2 - 2.0) / (78.0**2 + 33.0**2 - 2.0))
+    assert together == pytest.approx(share**4 / (share**4 + 1e-4))
+
+
+def test_little_beyond_the_noise_is_little_doubt_whatever_share_it_is():
+    """1.3 of 1.4 times the noise: nearly all is left, and next to nothing is there."""
+    found = doubt((1.4, 1.4), (1.3, 1.0))
+    assert found == pytest.approx(1.0 / (1.0 + 2.0**1.8))
+
+
 GOOD = judged(0.0, [20.0], Misfit(9.0, 9.0), Misfit(1.0, 1.0))
 
 
