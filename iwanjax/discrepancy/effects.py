@@ -11,22 +11,7 @@ from jaxtyping import Array
 
 from iwanjax.discrepancy.nested import TURNED, WRONG_SIGN, Nested
 from iwanjax.errors import InputError
-from iwanjax.joints import (
-    JOINTS,
-    BilinearSpring,
-    CubicSpring,
-    Dashpot,
-    Gap,
-    Inertia,
-    Iwan4,
-    Jenkins,
-    LinearSpring,
-    Maxwell,
-    ParameterInfo,
-    QuadraticDrag,
-    QuadraticSpring,
-    described,
-)
+from iwanjax.joints import JOINTS, Iwan4, ParameterInfo, described
 from iwanjax.joints.force_law import AbstractForceLaw, NestedLaw, PlaceMotion, Scales
 from iwanjax.joints.iwan4 import NEVER_SLIPPING, SLIDING_AT_ONCE
 
@@ -45,10 +30,6 @@ class ForceKind:
         Of which the force, what is fitted, where to begin and the nested laws are.
     signs : str
         What betrays it, in words.
-    names : tuple of str
-        Of the size and the shape in ``diagnosis.json``, where they are not the law's.
-    either_sign : bool
-        Whether the size may be negative where the law's may not: what a model has too much of.
     held : tuple of (str, value)
         Other arguments of the law.
     variant : str
@@ -59,8 +40,6 @@ class ForceKind:
     usual: str
     law: type[AbstractForceLaw]
     signs: str = ""
-    names: tuple[str, ...] = ()
-    either_sign: bool = False
     held: tuple[tuple[str, Any], ...] = ()
     variant: str = ""
 
@@ -104,10 +83,8 @@ class ForceKind:
         return self.law.scaled(1.0, shape, **dict(self.held)).follow(motion, memory)
 
     def _infos(self) -> tuple[ParameterInfo, ...]:
-        infos = self.law.searched()
-        names = self.names or tuple(info.name for info in infos)
-        size, *shape = (replace(i, name=n) for i, n in zip(infos, names, strict=True))
-        return (replace(size, lower=-math.inf) if self.either_sign else size, *shape)
+        size, *shape = self.law.searched()
+        return (replace(size, lower=-math.inf) if self.law.either_sign else size, *shape)
 
 
 @dataclass(frozen=True)
@@ -200,81 +177,7 @@ def _nested(laws: Iterable[NestedLaw]) -> tuple[Nested, ...]:
     )
 
 
-_KINDS: tuple[Kind, ...] = (
-    ForceKind(
-        "stiffness_error",
-        "wrong or missing linear stiffness, boundary",
-        LinearSpring,
-        "a frequency that is off at every amplitude",
-        either_sign=True,
-    ),
-    ForceKind(
-        "mass_error",
-        "unmodelled mass (sensor, cable, fixture)",
-        Inertia,
-        "frequencies that are off at every amplitude, the higher the more",
-        either_sign=True,
-    ),
-    ForceKind(
-        "viscous_damping",
-        "unmodelled linear damper",
-        Dashpot,
-        "damping that is off at every amplitude",
-        either_sign=True,
-    ),
-    ForceKind(
-        "cubic_stiffness",
-        "hardening or softening, geometric",
-        CubicSpring,
-        "a frequency that changes with the square of the amplitude; third harmonics",
-    ),
-    ForceKind(
-        "quadratic_stiffness",
-        "asymmetric elastic force, curvature",
-        QuadraticSpring,
-        "an offset and second harmonics that grow with amplitude",
-    ),
-    *(
-        ForceKind(
-            "gap_contact",
-            "clearance, stop, bolt-shank pinning",
-            Gap,
-            "a frequency that rises suddenly above some amplitude",
-            held=(("sides", sides),),
-            variant=variant,
-        )
-        for sides, variant in (
-            ("both", ""),
-            ("positive", "where d > 0"),
-            ("negative", "where d < 0"),
-        )
-    ),
-    ForceKind(
-        "bilinear_stiffness",
-        "opening and closing contact, preload loss in a joint",
-        BilinearSpring,
-        "an offset and even harmonics that keep their share at every amplitude",
-    ),
-    ForceKind(
-        "coulomb_friction",
-        "dry friction at a support or seal",
-        Jenkins,
-        "damping that falls with amplitude once it slips, stiffness at small amplitude",
-    ),
-    ForceKind(
-        "quadratic_damping",
-        "drag",
-        QuadraticDrag,
-        "damping that grows in proportion to amplitude",
-        names=("c2",),
-        either_sign=True,
-    ),
-    ForceKind(
-        "viscoelastic",
-        "elastomer, bungee, seal",
-        Maxwell,
-        "damping and stiffness that depend on frequency, not on amplitude",
-    ),
+_FAULTS: tuple[Kind, ...] = (
     SensorKind(
         "sensor_gain",
         "calibration of a sensor",
@@ -336,11 +239,23 @@ _KINDS: tuple[Kind, ...] = (
     ),
 )
 
-CATALOGUE: dict[str, tuple[Kind, ...]] = {}
+
+@cache
+def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[Kind, ...]:
+    """The kind that a law is, each of its variants."""
+    name, usual, signs = law.effect or (registered, described(law).partition(":")[0], "")
+    return tuple(ForceKind(name, usual, law, signs, v.held, v.words) for v in law.variants)
+
+
+def _laws() -> dict[str, type[AbstractForceLaw]]:
+    return {name: law for name, law in JOINTS.items() if issubclass(law, AbstractForceLaw)}
+
+
+CATALOGUE: dict[str, tuple[Kind, ...]] = {
+    **{law.effect.name: _of_law(name, law) for name, law in _laws().items() if law.effect},
+    **{kind.name: (kind,) for kind in _FAULTS},
+}
 """Kinds that have a name of their own, each with its variants; :func:`catalogue` has all."""
-for _kind in _KINDS:
-    CATALOGUE[_kind.name] = (*CATALOGUE.get(_kind.name, ()), _kind)
-_NAMED_LAWS = {kind.law for kind in _KINDS if isinstance(kind, ForceKind)}
 
 
 def catalogue() -> dict[str, tuple[Kind, ...]]:
@@ -351,22 +266,15 @@ def catalogue() -> dict[str, tuple[Kind, ...]]:
     InputError
         Where a law was registered by the name of another kind.
     """
-    laws = {
-        name: law
-        for name, law in JOINTS.items()
-        if issubclass(law, AbstractForceLaw) and law not in _NAMED_LAWS
-    }
-    for name in laws.keys() & CATALOGUE.keys():
-        raise InputError(
-            f"hypotheses: {name!r} is a kind of the catalogue; register {laws[name].__name__} "
-            "under another name"
-        )
-    return CATALOGUE | {name: (_of_law(name, law),) for name, law in laws.items()}
-
-
-@cache
-def _of_law(name: str, law: type[AbstractForceLaw]) -> ForceKind:
-    return ForceKind(name, described(law).partition(":")[0], law)
+    found = dict(CATALOGUE)
+    for registered, law in _laws().items():
+        kinds = _of_law(registered, law)
+        if found.setdefault(kinds[0].name, kinds) != kinds:
+            raise InputError(
+                f"hypotheses: {kinds[0].name!r} is a kind of the catalogue; register "
+                f"{law.__name__} under another name"
+            )
+    return found
 
 
 def shipped(kind: ForceKind) -> bool:

@@ -26,9 +26,9 @@ from iwanjax.joints.springs import (
     Gap,
     LinearSpring,
     QuadraticSpring,
-    Tabulated,
 )
 from iwanjax.joints.stepped import AbstractStepped
+from iwanjax.joints.tabulated import Tabulated
 from iwanjax.joints.tanh_spring import TanhSpring
 
 __all__ = [

@@ -9,7 +9,11 @@ from jaxtyping import Array, Float
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.discrete import Viscous
-from iwanjax.joints.force_law import AbstractForceLaw, PlaceMotion
+from iwanjax.joints.force_law import (
+    AbstractForceLaw,
+    EffectName,
+    PlaceMotion,
+)
 from iwanjax.types import ArrayLike, real
 
 
@@ -29,6 +33,12 @@ class Dashpot(AbstractForceLaw):
             "c", "force*time/length", "viscous coefficient", 0.0, closed="lower", transform="log"
         ),
     )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "viscous_damping",
+        "unmodelled linear damper",
+        "damping that is off at every amplitude",
+    )
+    either_sign: ClassVar[bool] = True
     linear: ClassVar[bool] = True
 
     c: Array = eqx.field(converter=named("c"))

@@ -1,6 +1,7 @@
 """Quadratic drag: a force with the square of the rate."""
 
-from typing import ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +10,11 @@ from jaxtyping import Array, Float
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.discrete import Viscous
-from iwanjax.joints.force_law import AbstractForceLaw, PlaceMotion
+from iwanjax.joints.force_law import (
+    AbstractForceLaw,
+    EffectName,
+    PlaceMotion,
+)
 from iwanjax.types import ArrayLike, real
 
 
@@ -32,10 +37,26 @@ class QuadraticDrag(AbstractForceLaw):
             transform="log",
         ),
     )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "quadratic_damping",
+        "drag",
+        "damping that grows in proportion to amplitude",
+    )
+    either_sign: ClassVar[bool] = True
     # Of the deflection its force is none at all.
     linear: ClassVar[bool] = True
 
     c: Array = eqx.field(converter=named("c"))
+
+    @classmethod
+    def searched(cls) -> tuple[ParameterInfo, ...]:
+        """The coefficient, by a name that tells it from a dashpot's."""
+        return (replace(cls.parameters[0], name="c2"),)
+
+    @classmethod
+    def scaled(cls, size: ArrayLike, shape: ArrayLike, **held: Any) -> Self:
+        """Of the coefficient ``size``."""
+        return cls(c=size)
 
     @property
     def initial_stiffness(self) -> Array:

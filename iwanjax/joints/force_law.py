@@ -48,6 +48,39 @@ class Scales(NamedTuple):
     period: float
 
 
+class EffectName(NamedTuple):
+    """What a diagnosis calls a law that a model is missing.
+
+    Attributes
+    ----------
+    name : str
+        As in ``diagnosis.json``.
+    usual : str
+        What the field calls it.
+    signs : str
+        What betrays it, in words.
+    """
+
+    name: str
+    usual: str
+    signs: str = ""
+
+
+class Variant(NamedTuple):
+    """One of several forms of a law that a search tries side by side.
+
+    Attributes
+    ----------
+    words : str
+        Which; empty for the first.
+    held : tuple of (str, value)
+        Arguments of the law that the search leaves as they are.
+    """
+
+    words: str = ""
+    held: tuple[tuple[str, Any], ...] = ()
+
+
 class AbstractForceLaw(AbstractJoint):
     """An element whose force is a size times a function of the motion and one shape at most.
 
@@ -55,6 +88,12 @@ class AbstractForceLaw(AbstractJoint):
 
     Attributes
     ----------
+    effect : EffectName or None
+        Its name as a hypothesis; by default the name that it is registered by.
+    either_sign : bool
+        Whether a search may find less than nothing of it: what a model has too much of.
+    variants : tuple of Variant
+        Forms to try.
     inertial : bool
         Whether the force is in proportion to the acceleration.
     tried : bool
@@ -65,6 +104,9 @@ class AbstractForceLaw(AbstractJoint):
         changed; these three wait to be asked for.
     """
 
+    effect: ClassVar[EffectName | None] = None
+    either_sign: ClassVar[bool] = False
+    variants: ClassVar[tuple[Variant, ...]] = (Variant(),)
     inertial: ClassVar[bool] = False
     tried: ClassVar[bool] = True
 

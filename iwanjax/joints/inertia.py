@@ -7,7 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.force_law import PlaceMotion
+from iwanjax.joints.force_law import (
+    EffectName,
+    PlaceMotion,
+)
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
 
@@ -26,6 +29,12 @@ class Inertia(AbstractStepped):
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("m", "mass", "mass", 0.0, closed="lower", transform="log"),
     )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "mass_error",
+        "unmodelled mass (sensor, cable, fixture)",
+        "frequencies that are off at every amplitude, the higher the more",
+    )
+    either_sign: ClassVar[bool] = True
     # Of the deflection its force is none at all.
     linear: ClassVar[bool] = True
     inertial: ClassVar[bool] = True

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.force_law import (
     AbstractForceLaw,
+    EffectName,
     NestedLaw,
     PlaceMotion,
     Scales,
@@ -37,6 +38,11 @@ class Jenkins(AbstractForceLaw):
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("F_S", "force", "slip force", lower=0.0, transform="log"),
         ParameterInfo("K_T", "force/length", "stiffness before slip", lower=0.0, transform="log"),
+    )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "coulomb_friction",
+        "dry friction at a support or seal",
+        "damping that falls with amplitude once it slips, stiffness at small amplitude",
     )
 
     F_S: Array = eqx.field(converter=named("F_S"))

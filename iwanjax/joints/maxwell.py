@@ -13,6 +13,7 @@ from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 from iwanjax.joints.force_law import (
     AbstractForceLaw,
+    EffectName,
     NestedLaw,
     PlaceMotion,
     Scales,
@@ -56,6 +57,11 @@ class Maxwell(AbstractForceLaw):
         ParameterInfo(
             "c", "force*time/length", "viscous coefficient in series", lower=0.0, transform="log"
         ),
+    )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "viscoelastic",
+        "elastomer, bungee, seal",
+        "damping and stiffness that depend on frequency, not on amplitude",
     )
     # Of the deflection at rest its force is none at all.
     linear: ClassVar[bool] = True

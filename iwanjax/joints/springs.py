@@ -1,23 +1,23 @@
 """Elastic elements: the force is a function of the deflection, nothing is dissipated."""
 
-from collections.abc import Callable
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.force_law import (
     AbstractForceLaw,
+    EffectName,
     NestedLaw,
     PlaceMotion,
     Scales,
+    Variant,
     stiffness_alone,
 )
-from iwanjax.types import ArrayLike, as_real, is_traced, real
+from iwanjax.types import ArrayLike, real
 
 Sides: TypeAlias = Literal["both", "positive", "negative"]
 """Deflections at which a clearance ends in contact."""
@@ -70,6 +70,12 @@ class LinearSpring(AbstractSpring):
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("k", "force/length", "stiffness", 0.0, closed="lower", transform="log"),
     )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "stiffness_error",
+        "wrong or missing linear stiffness, boundary",
+        "a frequency that is off at every amplitude",
+    )
+    either_sign: ClassVar[bool] = True
     linear: ClassVar[bool] = True
 
     k: Array = eqx.field(converter=named("k"))
@@ -110,6 +116,11 @@ class QuadraticSpring(AbstractSpring):
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("k2", "force/length^2", "quadratic stiffness"),
     )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "quadratic_stiffness",
+        "asymmetric elastic force, curvature",
+        "an offset and second harmonics that grow with amplitude",
+    )
 
     k2: Array = eqx.field(converter=named("k2"))
 
@@ -144,6 +155,11 @@ class CubicSpring(AbstractSpring):
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("k3", "force/length^3", "cubic stiffness"),
+    )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "cubic_stiffness",
+        "hardening or softening, geometric",
+        "a frequency that changes with the square of the amplitude; third harmonics",
     )
 
     k3: Array = eqx.field(converter=named("k3"))
@@ -182,6 +198,11 @@ class BilinearSpring(AbstractSpring):
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("dk", "force/length", "stiffness of the positive side alone"),
+    )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "bilinear_stiffness",
+        "opening and closing contact, preload loss in a joint",
+        "an offset and even harmonics that keep their share at every amplitude",
     )
 
     dk: Array = eqx.field(converter=named("dk"))
@@ -227,6 +248,16 @@ class Gap(AbstractSpring):
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("k", "force/length", "contact stiffness", lower=0.0, transform="log"),
         ParameterInfo("gap", "length", "clearance", 0.0, closed="lower", transform="log"),
+    )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "gap_contact",
+        "clearance, stop, bolt-shank pinning",
+        "a frequency that rises suddenly above some amplitude",
+    )
+    variants: ClassVar[tuple[Variant, ...]] = (
+        Variant("", (("sides", "both"),)),
+        Variant("where d > 0", (("sides", "positive"),)),
+        Variant("where d < 0", (("sides", "negative"),)),
     )
 
     k: Array = eqx.field(converter=named("k"))
@@ -294,93 +325,3 @@ class Gap(AbstractSpring):
             raise InputError(
                 f"Gap: sides = {self.sides!r}; expected {', '.join(map(repr, get_args(Sides)))}"
             )
-
-
-class Tabulated(AbstractSpring):
-    """A measured or computed curve: straight between the points of a table and beyond its ends.
-
-    Parameters
-    ----------
-    d : (points,) array_like
-        Deflections, length; strictly increasing, at least two.
-    force : (points,) array_like
-        Forces at them. One at d = 0 that is not zero is a preload.
-
-    Raises
-    ------
-    InputError
-        For tables of other shapes, not finite or not increasing in d.
-    """
-
-    # The table is what the element is, not a parameter that a fit would move. Its points are
-    # leaves of their own: one with an axis would be taken for a batch of parameter sets.
-    parameters: ClassVar[tuple[ParameterInfo, ...]] = ()
-
-    d: tuple[Array, ...] = eqx.field(converter=lambda value: _row(value, "d"))
-    force: tuple[Array, ...] = eqx.field(converter=lambda value: _row(value, "force"))
-
-    @property
-    def initial_stiffness(self) -> Array:
-        """Slope at d = 0, the mean of both sides' where it changes there, force/length."""
-        table, slope = jnp.stack(self.d), self._slopes()
-        before, after = (jnp.searchsorted(table, 0.0, side=side) for side in ("left", "right"))
-        return 0.5 * (slope(before) + slope(after))
-
-    @property
-    def limit_stiffness(self) -> Array:
-        """Mean of the slopes at both ends, force/length."""
-        slope = self._slopes()
-        return 0.5 * (slope(jnp.asarray(0)) + slope(jnp.asarray(len(self.d))))
-
-    def law(self) -> Law:
-        """Virgin curve d -> (force, tangent)."""
-        table, force, slope_at = jnp.stack(self.d), jnp.stack(self.force), self._slopes()
-
-        def evaluate(d: Array) -> tuple[Array, Array]:
-            i = jnp.searchsorted(table, d, side="right")
-            left = jnp.clip(i - 1, 0, table.shape[0] - 2)
-            slope = slope_at(i)
-            return force[left] + slope * (d - table[left]), slope
-
-        return evaluate
-
-    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """Slope from tip to tip, force/length."""
-        amplitude = jnp.abs(real(d))
-        at_rest = amplitude == 0
-        safe = jnp.where(at_rest, 1.0, amplitude)
-        tips = self.backbone(safe) - self.backbone(-safe)
-        return jnp.where(at_rest, self.initial_stiffness, 0.5 * tips / safe)
-
-    def _slopes(self) -> Callable[[Array], Array]:
-        """Slope between the points i - 1 and i, outside the table of the nearest interval."""
-        rise = jnp.diff(jnp.stack(self.force)) / jnp.diff(jnp.stack(self.d))
-        return lambda i: rise[jnp.clip(i - 1, 0, rise.shape[0] - 1)]
-
-    def __repr__(self) -> str:
-        """How long the table is."""
-        return f"Tabulated({len(self.d)} points)"
-
-    def __check_init__(self) -> None:
-        """Refuse what is not a table of a function."""
-        if len(self.d) < 2 or len(self.d) != len(self.force):
-            raise InputError(
-                f"Tabulated: d has {len(self.d)} points and force {len(self.force)}; expected as "
-                "many, at least 2"
-            )
-        if not is_traced(self.d):
-            d = np.array(self.d)
-            if not np.all(np.diff(d) > 0):
-                i = int(np.argmin(np.diff(d) > 0))
-                raise InputError(
-                    f"Tabulated: d[{i + 1}] = {d[i + 1]:g} follows d[{i}] = {d[i]:g}; "
-                    "expected increasing deflections"
-                )
-
-
-def _row(values: ArrayLike, name: str) -> tuple[Array, ...]:
-    """The numbers of a table's row, one by one."""
-    row = as_real(values, name)
-    if row.ndim != 1:
-        raise InputError(f"Tabulated: {name} has shape {row.shape}; expected a row of numbers")
-    return tuple(row)
