@@ -2,11 +2,13 @@ r"""How far a simulation is from the converged one, estimated while it runs.
 
 The exact rule errs by what the joints' forces are not linear within a step. Their second
 difference e says so: the mean of a parabola through three samples is :math:`-e/12` away from the
-straight line's. What came before the first instant is not known: the first step is taken to err as
-the second. A fast mode errs by what the average acceleration does otherwise than its equation
-of motion. A joint that turns within a step has gone further than either end, by :math:`\delta`. The
-error moves on as a small motion of its own, by the same rule with the joints' tangents; where the
-steps are short, by one for four of them.
+straight line's. Where the forces are in change at the first instant already, what came before it is
+not known, and the first step is taken to err as the second. A fast mode errs by
+what the average acceleration does otherwise than its equation of motion. What forces do within a
+period that is shorter than the step cannot be seen from the step's ends: so the share of the motion
+that is in such modes is known, too. A joint that turns within a step has gone further than either
+end, by :math:`\delta`. The error moves on as a small motion of its own, by the same rule with the
+joints' tangents; where the steps are short, by one for four of them.
 
 A joint of sliders remembers the force at which it turned. After a turn with the error
 :math:`\varepsilon` in deflection and the slope K before it, the branch that starts there with its
@@ -69,9 +71,10 @@ class ErrorState(NamedTuple):
     steps : array
         Number of steps since.
     begun : array
-        Number of all steps, two for more.
-    sums : (4,) array
-        Squared error and size of the elastic modes' displacements, then of their velocities.
+        Number of steps since the first instant, two for more and where nothing changed there.
+    sums : (5,) array
+        Squared error and size of the elastic modes' displacements, then of their velocities; and
+        squared velocities of those that joints move too fast for the step.
     """
 
     motion: ModalMotion
@@ -138,8 +141,8 @@ class Estimator(eqx.Module):
     remember: Bool[Array, " joints"]
     size: int = eqx.field(static=True)
 
-    def init(self) -> ErrorState:
-        """No error yet."""
+    def init(self, changing: Array) -> ErrorState:
+        """No error yet; ``changing`` says whether forces are in change at the first instant."""
         modal = self.by.modal
         still, none = jnp.zeros_like(modal.omega2), jnp.zeros_like(modal.stiffness)
         pair = (still, still)
@@ -153,8 +156,8 @@ class Estimator(eqx.Module):
             none,
             None if self.by.average is None else pair,
             jnp.zeros((), jnp.int32),
-            jnp.zeros((), jnp.int32),
-            jnp.zeros(4, none.dtype),
+            jnp.where(changing, 0, 2),
+            jnp.zeros(5, none.dtype),
         )
 
     def step(self, error: ErrorState, step: Step) -> ErrorState:
@@ -195,7 +198,9 @@ class Estimator(eqx.Module):
         now = step.after
         off_q, off_v = off_q + motion.displacement, off_v + motion.velocity
         found = [off_q, now.displacement, off_v, now.velocity]
-        squares = jnp.stack([jnp.sum(jnp.where(elastic, x**2, 0.0)) for x in found])
+        moved_fast = self.by.fast & jnp.any(modal.P != 0.0, axis=0)
+        seen = [*((elastic, x) for x in found), (moved_fast, now.velocity)]
+        squares = jnp.stack([jnp.sum(jnp.where(which, x**2, 0.0)) for which, x in seen])
         return ErrorState(
             motion,
             g,
@@ -238,7 +243,13 @@ def relative_error(sums: Array) -> Array:
 
     The larger of the two; 0 where nothing moves.
     """
-    error, size = sums[..., ::2], sums[..., 1::2]
+    error, size = sums[..., 0:4:2], sums[..., 1:4:2]
     moves = size > 0.0
     ratio = jnp.sqrt(error / jnp.where(moves, size, 1.0))
     return jnp.max(jnp.where(moves | (error != 0.0), ratio, 0.0), axis=-1)
+
+
+def fast_share(sums: Array) -> Array:
+    """Rms of the velocities of modes that joints move too fast for the step, over that of all."""
+    size = sums[..., 3]
+    return jnp.sqrt(sums[..., 4] / jnp.where(size > 0.0, size, 1.0))

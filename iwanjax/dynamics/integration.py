@@ -11,7 +11,7 @@ from jaxtyping import Array
 from iwanjax.dynamics.balance import Joints, StepEnd, balance
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.dynamics.energy import accounts, exchanged, held, work_on_joints
-from iwanjax.dynamics.error_estimate import ErrorState, Estimator, Step, relative_error
+from iwanjax.dynamics.error_estimate import ErrorState, Estimator, Step, fast_share, relative_error
 from iwanjax.dynamics.propagator import Method
 from iwanjax.dynamics.stepping import ModalMotion, Stepper, stepper
 from iwanjax.joints import AbstractJoint
@@ -76,6 +76,8 @@ class Run(NamedTuple):
         where a joint does not know its energy.
     haste : array
         Largest step over the relaxation time of anything that depends on a rate.
+    fast : array
+        Share of the motion in modes that joints move too fast for the step, of velocities (rms).
     modes : (N, 2, modes) array or None
         Displacements and velocities of elastic modes, where they are compared.
     """
@@ -85,6 +87,7 @@ class Run(NamedTuple):
     error: Array
     imbalance: Array
     haste: Array
+    fast: Array
     modes: Array | None
 
 
@@ -218,7 +221,7 @@ def _integrate(
             at = jax.lax.scan(lambda a, f: sample(a, (f, counts)), at, f)[0]
         return at, kept(at)
 
-    first = _first(modal, joints, f[0], start, by, None if estimator is None else estimator.init())
+    first = _first(modal, joints, f[0], start, by, estimator)
     count = (f.shape[0] - 1) // options.every
     length = max(1, math.isqrt(count))
     blocks = -(-count // length)
@@ -249,6 +252,7 @@ def _integrate(
         modes=whole.pop("modes", None),
         kept=whole,
         haste=last.haste,
+        fast=jnp.zeros((), f.dtype) if last.error is None else fast_share(last.error.sums),
         error=unknown if last.error is None else relative_error(last.error.sums),
         imbalance=_imbalance(energies(first), balances, with_energy) if options.judge else unknown,
     )
@@ -273,7 +277,7 @@ def _first(
     f: Array,
     start: list[Array],
     by: Stepper,
-    error: ErrorState | None,
+    estimator: Estimator | None,
 ) -> _Point:
     """The state at t = 0: joints brought to their deflections at once, without turning."""
     q, v = start
@@ -293,4 +297,8 @@ def _first(
     g = balance(jnp.zeros(m, q.dtype), end)
     motion, (d, rate) = ModalMotion(q, v, correction), end.ends(g)
     state, none = end.react(g).state, jnp.zeros((), q.dtype)
+    changing = jnp.any(v != 0.0)
+    if joints.rate_dependent:
+        changing |= jnp.any(q != 0.0) | jnp.any(f != 0.0)
+    error = None if estimator is None else estimator.init(changing)
     return _Point(motion, f, d, rate, g, g, state, jnp.zeros(4, q.dtype), error, none)

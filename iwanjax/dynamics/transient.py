@@ -136,7 +136,8 @@ def simulate(
     A run estimates its own error and accounts for its energy. Where either is more than
     allowed the steps are shortened, up to 64 times, until it is not; where that does not
     help, an error names the step to take. Where a force relaxes within a step (a stiff Maxwell
-    element, an overdamped dashpot) the error is what a run with shorter steps does otherwise.
+    element, an overdamped dashpot) the error is what a run with shorter steps does otherwise; and
+    modes that joints move have to be resolved if they ring.
     Under a JAX transformation nothing can be shortened, compared or raised: a response that is
     not good enough, or not known to be, is NaN.
 
@@ -215,7 +216,7 @@ def simulate(
     modal = modal_coordinates(structure, rows_in, rows_out, modes)
     start = [modal.Phi.T @ (structure.structure.M @ given) for given in initial]
     elements = structure.elements
-    compare = any(element.discrete(sliders).rate_dependent for element in elements)
+    by_rate = any(element.discrete(sliders).rate_dependent for element in elements)
     batch = {jnp.shape(x) for x in jax.tree.leaves(elements)} - {()}
     sizes = {shape[0] for shape in batch} | ({f.shape[0]} if f.ndim == 3 else set())
     if any(len(shape) > 1 for shape in batch) or len(sizes) > 1:
@@ -240,7 +241,7 @@ def simulate(
             error_split=has_fast_modes(modal, group * step, method),
             group=group,
             judge=accuracy is not None,
-            compare=compare and accuracy is not None and method == "exact",
+            compare=by_rate and accuracy is not None and method == "exact",
         )
         step = jnp.asarray(step, f.dtype)
         return run(elements, f, modal, start, step, options, axes if sizes else None)
@@ -276,12 +277,18 @@ def _refined(
             return found, substeps
         if found.modes is not None:
             hasty = found.haste > _RESOLVED
-            if not is_traced(hasty) and coarser is None and bool(jnp.any(hasty)):
+            if coarser is None and not is_traced(hasty) and bool(jnp.any(hasty)):
                 coarser, substeps = found, factor * substeps
                 continue
-            found = found._replace(
-                error=jnp.where(hasty, _off(found, coarser, factor), found.error)
-            )
+            off = _off(found, coarser, factor)
+            found = found._replace(error=jnp.where(hasty, off, found.error))
+        # Fast modes may be wrong by twice what they are, in opposite phase: if they are that much
+        # of the motion, steps have to resolve them.
+        opposite = 2.0 * found.fast
+        unseen = opposite > accuracy
+        found = found._replace(
+            error=jnp.where(unseen, jnp.maximum(found.error, opposite), found.error)
+        )
         excess = _excess(found, method, accuracy)
         if is_traced(excess):
             good = excess <= 1.0
