@@ -19,7 +19,7 @@ from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.discrepancy.histories.recordings import StudyRecording
 
-RATE, N, FINE = 1024.0, 400, 32
+RATE, N, FINE, AT = 1024.0, 400, 32, 0.04
 M, K = np.diag([1.0, 1.5]), np.array([[1.5e5, -6e4], [-6e4, 6e4]])
 JOINT = 3e4
 """Stiffness of the joint between the masses, N/m, beside K."""
@@ -28,7 +28,7 @@ C = 2e-5 * K + 0.4 * np.eye(2)
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
-def hit(t: np.ndarray, peak: float, at: float = 0.04, width: float = 2.5 / RATE) -> np.ndarray:
+def hit(t: np.ndarray, peak: float, at: float = AT, width: float = 2.5 / RATE) -> np.ndarray:
     """A bell: 1e-13 of it lies above half the sampling rate, so that its samples say it all."""
     return peak * np.exp(-0.5 * ((t - at) / width) ** 2)
 
@@ -50,6 +50,7 @@ def simulated(
     damping: np.ndarray = C,
     stiffness: np.ndarray | None = None,
     struck: int = 0,
+    at: float = AT,
     count: int = N,
 ) -> np.ndarray:
     """What sensors on both masses show after a hit, (count, 2).
@@ -64,7 +65,7 @@ def simulated(
     whole[:4, :4], whole[:4, 4], whole[4, 5] = A, b, 1.0
     E = scipy.linalg.expm(whole * dt)
     step, held, ramp = E[:4, :4], E[:4, 4], E[:4, 5] / dt
-    force = hit(np.arange(count * FINE) * dt, peak)
+    force = hit(np.arange(count * FINE) * dt, peak, at)
     z, states = np.zeros(4), np.zeros((count, 4))
     for i in range(count * FINE):
         if i % FINE == 0:
@@ -75,10 +76,10 @@ def simulated(
     return (states[:, :2], states[:, 2:], rates[:, 2:])[QUANTITIES[quantity]]
 
 
-def measured_force(peak: float, struck: int = 0, count: int = N) -> np.ndarray:
+def measured_force(peak: float, struck: int = 0, at: float = AT, count: int = N) -> np.ndarray:
     """The hit as sampled, (count, 2)."""
     force = np.zeros((count, 2))
-    force[:, struck] = hit(np.arange(count) / RATE, peak)
+    force[:, struck] = hit(np.arange(count) / RATE, peak, at)
     return force
 
 

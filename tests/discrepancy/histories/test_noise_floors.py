@@ -1,0 +1,162 @@
+"""What noise of known size leaves of recordings: estimates, weights and floors, within their own
+confidence."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from linear_pair import RATE, M, N, hit, measured_force, model, simulated
+
+from iwanjax.discrepancy.effects import CATALOGUE, ForceKind
+from iwanjax.discrepancy.histories.conditioning import (
+    MODEL_ERROR,
+    ConditionedRecordings,
+    conditioned,
+)
+from iwanjax.discrepancy.histories.multistart import multistart
+from iwanjax.discrepancy.histories.noise import noise_of, quietest
+from iwanjax.discrepancy.histories.predictor import predictor
+from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
+from iwanjax.discrepancy.histories.recordings import BESIDE, StudyRecording, cleaned
+from iwanjax.discrepancy.histories.validation import FreeRun, free_run
+from iwanjax.signals.comparison_band import END, HALF, OF_NOISE
+
+AT, PEAK, SHARE = 0.1, 60.0, 0.02
+BEFORE = round(AT * RATE) - 28
+"""Samples that nothing moves in: before the bell's first thousandth, less what filters spoil."""
+
+
+def three_deviations(values: np.ndarray, expected: float) -> None:
+    """Whether a mean is what it should be, by the scatter of the values themselves."""
+    assert np.mean(values) == pytest.approx(expected, abs=3.0 * np.std(values) / len(values) ** 0.5)
+
+
+@pytest.mark.parametrize("before", [40, 200])
+def test_noise_before_a_hit_is_unbiased_and_as_sure_as_its_samples(before):
+    random = np.random.default_rng(0)
+    waves = 0.3 * random.standard_normal((400, before + 16, 1))
+    found = np.array([noise_of(wave, before + 16)[0] for wave in waves])
+    three_deviations(found**2, 0.09)
+    assert np.std(found) == pytest.approx(0.3 / math.sqrt(2.0 * before), rel=0.15)
+
+
+def test_noise_at_the_end_of_a_slow_decay_is_that_of_third_differences():
+    """Where nothing was measured before: motion at a hundredth of the rate is taken for none."""
+    random, t = np.random.default_rng(1), np.arange(4000)
+    decay = 100.0 * np.exp(-t / 1500.0) * np.sin(0.02 * np.pi * t)
+    waves = decay[:, None] + 0.3 * random.standard_normal((60, 4000, 1))
+    three_deviations(np.array([noise_of(wave, 0)[0] ** 2 for wave in waves]), 0.09)
+
+
+def test_noise_of_a_sensor_that_is_never_at_rest_is_where_the_structure_is_quiet():
+    """Bands of fifty values: up to 40 % of the variance too small, as the least of twenty are."""
+    random, t = np.random.default_rng(2), np.arange(8192)
+    motion = 50.0 * sum(np.sin(2.0 * np.pi * f * t) for f in (0.031, 0.092))
+    found = np.array(
+        [quietest((motion + 0.3 * random.standard_normal(8192))[:, None])[0] for _ in range(40)]
+    )
+    assert np.all((found > 0.3 * math.sqrt(0.6)) & (found < 0.3))
+    # Without the motion it is the same: nothing of it was taken for noise.
+    still = np.array([quietest(0.3 * random.standard_normal((8192, 1)))[0] for _ in range(40)])
+    assert np.mean(found) == pytest.approx(np.mean(still), rel=0.03)
+
+
+def test_noise_of_a_force_is_that_beside_its_pulse():
+    random = np.random.default_rng(3)
+    pulse = hit(np.arange(N) / RATE, PEAK, AT)[:, None]
+    found = [cleaned(pulse + 0.2 * random.standard_normal((N, 1))) for _ in range(200)]
+    # Of a quarter of the recording, by the median of deviations: 1.17 / sqrt(n).
+    sizes = np.array([each.noise[0] for each in found])
+    assert np.mean(sizes) == pytest.approx(0.2, rel=0.03)
+    assert np.std(sizes) == pytest.approx(0.2 * 1.17 / math.sqrt(N / 4), rel=0.25)
+    for each in found:
+        acting = np.flatnonzero(each.clean[:, 0])
+        assert set(acting) <= set(range(each.first - BESIDE, each.last + 1))
+        # All of the pulse that is six deviations of the noise high, and little beside it.
+        assert set(np.flatnonzero(pulse > 12.0 * 0.2)) <= set(acting)
+        assert len(acting) < 30
+
+
+class Hits:
+    """Hits of a model that is right, with noise of known size."""
+
+    def __init__(self, quantity: str, force_noise: float) -> None:
+        (kind,) = CATALOGUE["cubic_stiffness"]
+        assert isinstance(kind, ForceKind)
+        eye = jnp.eye(2)
+        self.by, self.modal = predictor(model(False), eye, eye, RATE, quantity, (kind,), 2)
+        self.clean = simulated(PEAK, quantity, at=AT)
+        self.noise = SHARE * np.std(self.clean, axis=0)
+        self.force_noise = np.array([force_noise, 0.0])
+        self.random = np.random.default_rng(5)
+        self.compiled: set[tuple[str, int, int]] = set()
+
+    def conditioned(self, known: np.ndarray) -> ConditionedRecordings:
+        response = self.clean + self.noise * self.random.standard_normal((N, 2))
+        force = measured_force(PEAK, at=AT) + self.force_noise * self.random.standard_normal((N, 2))
+        recording = StudyRecording("rec", response, force)
+        return conditioned([recording], self.by, self.modal, known, N, 1, 6)
+
+    def run(self, known: np.ndarray) -> FreeRun:
+        """Of the model as it is, with nothing fitted."""
+        seen = self.conditioned(known)
+        problem = HistoryProblem(self.by, (), seen.data, self.noise, (0,), self.compiled)
+        start = Start(problem.nothing(), problem.map.given())
+        (fitted,) = multistart(problem, [start], math.inf, 0)
+        return free_run(problem, fitted, [], [(seen, (0,))])
+
+
+UNKNOWN = np.full(2, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "force_noise"), [("velocity", 0.0), ("acceleration", 0.2), ("velocity", 2.0)]
+)
+def test_the_floor_is_what_a_right_model_leaves(quantity, force_noise):
+    """In the mean of many hits; of each, within the scatter of so few ways as noise goes."""
+    hits = Hits(quantity, force_noise)
+    runs = [hits.run(UNKNOWN) for _ in range(40)]
+    shares = np.array([each.relative**2 / each.floor**2 for each in runs])
+    three_deviations(shares, 1.0)
+    # A sum of squares in the band, beside the estimate of the noise itself, and of few forces.
+    if force_noise == 0.0:
+        values = 2 * (N - 2 * HALF) * 2.0 * END
+        expected = math.sqrt(2.0 / values + 0.5 * 2.0 / BEFORE)
+        assert np.std(shares) == pytest.approx(expected, rel=0.35)
+
+
+def test_of_noise_in_the_force_one_case_of_twenty_exceeds_the_floor():
+    """Where that is most of the noise: it goes a few ways only, and may leave much more."""
+    hits = Hits("velocity", 2.0)
+    hits.noise = 0.1 * hits.noise
+    runs = [hits.run(hits.noise) for _ in range(80)]
+    exceeded = sum(each.relative > each.floor_95 for each in runs)
+    assert np.mean([each.floor_95 / each.floor for each in runs]) > 1.3
+    # Binomial: 4 expected, three deviations of 1.9.
+    assert abs(exceeded - 4.0) < 3.0 * math.sqrt(80 * 0.05 * 0.95)
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_weights_are_one_over_what_residuals_may_be(quantity):
+    """Sensors' noise and the model's own share, in the band; and the force's, while it acts."""
+    hits = Hits(quantity, 0.0)
+    known = np.array([1.0, 2.0]) * hits.noise
+    seen = hits.conditioned(known)
+    weight = np.asarray(seen.data.weight)[0]
+    rms = np.sqrt(np.mean(np.asarray(seen.data.response)[0] ** 2, axis=0))
+    expected = 1.0 / (OF_NOISE * np.sqrt(known**2 + (MODEL_ERROR * rms) ** 2))
+    late = slice(round(AT * RATE) + 40, -HALF)
+    np.testing.assert_allclose(weight[late], np.tile(expected, (len(weight[late]), 1)))
+    assert not np.any(weight[:HALF])
+    assert not np.any(weight[-HALF:])
+    # A hundredth of the peak over the mass, which an accelerometer shows at once.
+    at_peak = weight[round(AT * RATE)]
+    if quantity == "velocity":
+        np.testing.assert_allclose(at_peak, expected)
+    else:
+        felt = np.array([0.01 * np.max(measured_force(PEAK, at=AT)) / M[0, 0], 0.0])
+        np.testing.assert_allclose(
+            at_peak, 1.0 / np.sqrt(expected**-2 + (OF_NOISE * felt) ** 2), rtol=1e-3
+        )
+    np.testing.assert_array_equal(seen.noise, known[None])
