@@ -288,18 +288,20 @@ class _Run(NamedTuple):
         e = jnp.stack(solve_general(rows, list(off))) if n else off
         total, inertia, memory = jnp.zeros_like(self.size), jnp.zeros_like(self.size), []
         for i, kind in enumerate(predictor.kinds):
-            unit, kept = kind.unit_force(motion, self.shape, at.memory[:, i])
+            unit, state = kind.unit_force(motion, self.shape, at.memory[:, i])
             total = total + self.size * self.suspects.force[:, i] * unit
             if kind.inertial:
                 own = jnp.diagonal(self.inertance[:, n:])
                 inertia = inertia + self.size * self.suspects.force[:, i] * own
-            memory.append(kept)
+            memory.append(state)
         # The acceleration holds the expected force already, which an inertia acts back on.
         late = (-total - expected[n:]) / (1.0 + inertia)
         # What remembers too early an end turns back from it: at strong slip that would build up.
         by = self.compliance[:n, :n] @ e
         joints = self.elements.settled(reaction.state, by, stiffness)
-        return jnp.concatenate([e, late]), joints, jnp.stack(memory, axis=1)
+        # Without any kind of force, as where only sensors are suspected, nothing is remembered.
+        kept = jnp.stack(memory, axis=1) if memory else at.memory
+        return jnp.concatenate([e, late]), joints, kept
 
     def _chords(self, d: Array, reaction: Reaction, at: _State) -> Array:
         """Stiffnesses from the end of the last step to d.
