@@ -43,7 +43,7 @@ def cost(y: np.ndarray, X: np.ndarray, sigma: float = SIGMA) -> float:
     return float(left @ left) / sigma**2
 
 
-@pytest.mark.parametrize("count", [200, 800])
+@pytest.mark.parametrize("count", [200, 400])
 @pytest.mark.parametrize("columns", [(0, 1), (1, 3), (2, 2)])
 def test_evidence_of_white_noise_is_the_marginal_likelihood(count, columns):
     """Odds of two models, of one, two or more values, by either way."""
@@ -73,7 +73,7 @@ def test_values_measured_again_say_nothing_new(again):
 
 def test_evidence_of_correlated_noise_is_the_marginal_likelihood():
     """Noise of first order, and effects that are slow beside it, as misfits along a curve are."""
-    count, rho = 1500, 0.6
+    count, rho = 1000, 0.6
     tau = (1.0 + rho) / (1.0 - rho)
     R = SIGMA**2 * scipy.linalg.toeplitz(rho ** np.arange(count))
     X, random = design(count, 2, 5), np.random.default_rng(4)
@@ -92,7 +92,7 @@ def test_evidence_of_correlated_noise_is_the_marginal_likelihood():
 
 def test_deviations_are_those_of_the_conjugate_posterior():
     """Without a prior, of correlated noise: (X^T R^-1 X)^-1 where effects are slow."""
-    count, rho = 1500, 0.6
+    count, rho = 1000, 0.6
     R = SIGMA**2 * scipy.linalg.toeplitz(rho ** np.arange(count))
     X = design(count, 3, 6)
     exact = np.sqrt(np.diag(np.linalg.inv(X.T @ np.linalg.solve(R, X))))

@@ -107,7 +107,7 @@ def kalman(
     P = Q
     for _ in range(20_000 if steady else 0):
         before, P = P, F @ corrected(P)[0] @ F.T + Q
-        if np.max(np.abs(P - before)) < 1e-13 * np.max(np.abs(P)):
+        if np.max(np.abs(P - before)) < 1e-11 * np.max(np.abs(P)):
             break
     x, total, seen, states = np.zeros(4), 0.0, [], []
     force, push = hit(np.arange(N) / RATE, PEAK), driven(stiffness)
