@@ -12,8 +12,9 @@ from test_config import check_refused, matrices, replaced
 from iwanjax.config import ModalMode, read_study
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.estimation import LogNormal, Uniform
 from iwanjax.joints import Iwan4, Iwan5, Jenkins
-from iwanjax.updating import LogNormal, Uniform, modal_parameters, structural_parameters
+from iwanjax.updating import modal_parameters, structural_parameters
 
 ROOT = Path(__file__).resolve().parents[1]
 

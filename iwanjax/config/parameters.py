@@ -15,7 +15,7 @@ from iwanjax.joints import AbstractJoint, ParameterInfo
 from iwanjax.structures import JointedStructure
 
 if TYPE_CHECKING:
-    from iwanjax.updating import AbstractPrior, Parameter
+    from iwanjax.estimation import AbstractPrior, Parameter
 
 _SECTIONS = ("bounds", "priors", "values", "fixed")
 _BACKGROUND = ParameterInfo("zeta_0", "1", "damping ratio beside the joint", 0.0, 1.0, "lower")
@@ -57,7 +57,7 @@ class ParameterChange:
         InputError
             For a value of the study outside bounds that come from the data.
         """
-        from iwanjax.updating import Uniform
+        from iwanjax.estimation import Uniform
 
         lower, upper = self.bounds or (default.lower, default.upper)
         value = default.value if self.value is None else self.value

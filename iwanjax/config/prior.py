@@ -11,12 +11,12 @@ from iwanjax.config.section import ConfigSection
 from iwanjax.errors import InputError
 
 if TYPE_CHECKING:
-    from iwanjax.updating import AbstractPrior
+    from iwanjax.estimation import AbstractPrior
 
 
 def _prior(raw: Any) -> "AbstractPrior":
     # Here, because what else comes with it takes a second to import.
-    from iwanjax.updating import PRIORS, AbstractPrior
+    from iwanjax.estimation import PRIORS, AbstractPrior
 
     if isinstance(raw, AbstractPrior):
         return raw

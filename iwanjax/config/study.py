@@ -26,7 +26,7 @@ from iwanjax.structures.model_file import Model
 from iwanjax.types import ArrayLike
 
 if TYPE_CHECKING:
-    from iwanjax.updating import Parameter
+    from iwanjax.estimation import Parameter
 
 S = TypeVar("S", FitSettings, PosteriorSettings)
 

@@ -7,8 +7,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.evidence import AS_LIKELY_WRONG, misspecification_probability, shares
 from iwanjax.errors import InputError
+from iwanjax.estimation.evidence import AS_LIKELY_WRONG, misspecification_probability, shares
 
 VerdictName = Literal["nothing_missing", "something_missing", "undecided"]
 
@@ -113,7 +113,7 @@ def judged(
 
     Evidence compares what was tried; :math:`u` says that the truth is none of it. Nothing is
     refuted by its own misfit alone
-    (:func:`~iwanjax.discrepancy.evidence.misspecification_probability`), whatever its rivals do. Of
+    (:func:`~iwanjax.estimation.evidence.misspecification_probability`), whatever its rivals do. Of
     what was tried :math:`u_1` is at most what the share r of the misfit tells, root mean square
     beyond the noise, that it leaves,
 

@@ -29,7 +29,7 @@ from iwanjax.plotting.scales import Scale
 from iwanjax.plotting.style import GREY, paper_style, set_up
 
 if TYPE_CHECKING:
-    from iwanjax.updating.parameters import Parameter
+    from iwanjax.estimation.parameters import Parameter
     from iwanjax.updating.posterior import Band, Posterior
 
 # Size of a panel, and of what is left and below for labels, above and right, and between, in.

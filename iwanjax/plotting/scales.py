@@ -9,7 +9,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
 
 if TYPE_CHECKING:
-    from iwanjax.updating.parameters import Parameter
+    from iwanjax.estimation.parameters import Parameter
 
 # Bins of a histogram.
 _BINS = 36

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from iwanjax.curves import ModalCurves
+from iwanjax.estimation.parameters import Parameter
+from iwanjax.estimation.priors import AbstractPrior, LogUniform, Uniform
 from iwanjax.plotting.columns import offset
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.report.page import Callout
-from iwanjax.updating.parameters import Parameter
-from iwanjax.updating.priors import AbstractPrior, LogUniform, Uniform
 from iwanjax.updating.solution import FitSolution
 
 EXPLAINED, POOR = 1.3, 2.0

@@ -1,4 +1,4 @@
-"""Updating: parameters, fits and posteriors from measured curves.
+"""Updating: fits and posteriors of joints and linear parameters from measured curves and modes.
 
 :func:`~iwanjax.updating.sampling.sample_posterior` stays in its module: emcee takes a second to
 import, which a fit does not need.
@@ -9,35 +9,19 @@ from iwanjax.updating.linear import positive_parameter, update_linear
 from iwanjax.updating.linear_problem import MeasuredModes
 from iwanjax.updating.linear_solution import LinearSolution
 from iwanjax.updating.modal import modal_parameters
-from iwanjax.updating.parameters import Parameter
 from iwanjax.updating.posterior import Band, Posterior
 from iwanjax.updating.power_law import Exponents, free_exponents
-from iwanjax.updating.priors import (
-    PRIORS,
-    AbstractPrior,
-    LogNormal,
-    LogUniform,
-    Normal,
-    Uniform,
-)
 from iwanjax.updating.solution import Direction, FitSolution
 from iwanjax.updating.structural import structural_parameters
 
 __all__ = [
-    "PRIORS",
-    "AbstractPrior",
     "Band",
     "Direction",
     "Exponents",
     "FitSolution",
     "LinearSolution",
-    "LogNormal",
-    "LogUniform",
     "MeasuredModes",
-    "Normal",
-    "Parameter",
     "Posterior",
-    "Uniform",
     "fit",
     "free_exponents",
     "modal_parameters",

@@ -9,9 +9,9 @@ from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.estimation.parameters import Parameter
+from iwanjax.estimation.priors import LogNormal, Uniform
 from iwanjax.structures import JointedStructure
-from iwanjax.updating.parameters import Parameter
-from iwanjax.updating.priors import LogNormal, Uniform
 from iwanjax.updating.problem import Measured
 
 # Deviation of the logarithm of a ratio about that of the structure's C: as of a joint's strength.

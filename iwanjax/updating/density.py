@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.updating.parameters import Parameter
-from iwanjax.updating.priors import AbstractPrior
+from iwanjax.estimation.parameters import Parameter
+from iwanjax.estimation.priors import AbstractPrior
 from iwanjax.updating.problem import AbstractProblem
 
 NOISE_SCALES = ("noise_scale_frequency", "noise_scale_damping")

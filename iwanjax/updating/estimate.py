@@ -11,15 +11,16 @@ from jaxtyping import Array
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.estimation.least_squares import AbstractLeastSquares
+from iwanjax.estimation.minima import Minimum
+from iwanjax.estimation.parameters import Parameter, drawn, fixed_at, replaced, with_values
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.microslip import microslip
-from iwanjax.updating.minima import Minimum
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.model_error import ModelError, model_error_of, with_model_error
-from iwanjax.updating.parameters import Parameter, drawn, fixed_at, replaced, with_values
-from iwanjax.updating.problem import AbstractLeastSquares, AbstractProblem, Reference
+from iwanjax.updating.problem import AbstractProblem, Reference
 from iwanjax.updating.projected import ProjectedProblem
 from iwanjax.updating.search import Search, resting, search, within_bounds
 from iwanjax.updating.solution import FitSolution, certainty, point

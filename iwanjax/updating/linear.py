@@ -11,15 +11,15 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.errors import InputError
+from iwanjax.estimation.minima import Minimum
+from iwanjax.estimation.parameters import Chart, Parameter, drawn, with_values
+from iwanjax.estimation.priors import LogNormal
 from iwanjax.structures.affine import AffineStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.linear_problem import RIGID, LinearProblem, Matched, MeasuredModes, believed
 from iwanjax.updating.linear_solution import LinearSolution
-from iwanjax.updating.minima import Minimum
-from iwanjax.updating.parameters import Chart, Parameter, drawn, with_values
-from iwanjax.updating.priors import LogNormal
 from iwanjax.updating.search import search, within_bounds
 from iwanjax.updating.solution import certainty
 

@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from iwanjax.errors import InputError
+from iwanjax.estimation.least_squares import AbstractLeastSquares
+from iwanjax.estimation.parameters import Chart
 from iwanjax.results import AbstractResult
 from iwanjax.structures.affine import AffineStructure
 from iwanjax.structures.assurance import modal_assurance
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike
-from iwanjax.updating.parameters import Chart
-from iwanjax.updating.problem import AbstractLeastSquares
 
 RIGID = 0.03
 """Modes below this share of the lowest measured frequency are rigid-body motion."""

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from iwanjax.estimation.parameters import Parameter
 from iwanjax.results import AbstractResult, with_std
 from iwanjax.structures.affine import AffineStructure
 from iwanjax.structures.linear import LinearStructure
 from iwanjax.tables import Block, Grid
-from iwanjax.updating.parameters import Parameter
 from iwanjax.updating.solution import Direction, ambiguities
 
 # Shapes less alike than this may be of another mode.

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from iwanjax.estimation.parameters import Parameter
 from iwanjax.joints.iwan import distribution_of, physical_of
-from iwanjax.updating.parameters import Parameter
 
 # Onsets of macroslip that are tried: a prime, so that each of a few joints goes through all of
 # them in an order of its own.

@@ -11,14 +11,14 @@ from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.estimation.parameters import Chart, Parameter, Transform
+from iwanjax.estimation.priors import AbstractPrior, LogNormal, Normal, Uniform
 from iwanjax.joints import AbstractJoint, ParameterInfo
 from iwanjax.joints.iwan import AbstractIwan, phi_max_of
 from iwanjax.joints.iwan5 import Iwan5, ring_down_share
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.structures.small import solve_spd
 from iwanjax.updating.microslip import IwanPlace
-from iwanjax.updating.parameters import Chart, Parameter, Transform
-from iwanjax.updating.priors import AbstractPrior, LogNormal, Normal, Uniform
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, modal_unit
 
 # Deviation of the logarithm of a joint's strength and stiffness before the data: a factor

@@ -12,8 +12,8 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from iwanjax.errors import InputError
-from iwanjax.updating.parameters import Chart, Parameter
-from iwanjax.updating.problem import AbstractLeastSquares
+from iwanjax.estimation.least_squares import AbstractLeastSquares
+from iwanjax.estimation.parameters import Chart, Parameter
 
 _MOST_STEPS = 200
 TOLERANCE = 1e-7

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.curves import ModalCurves
+from iwanjax.estimation.minima import Minimum, mixture
+from iwanjax.estimation.parameters import Parameter
 from iwanjax.results import AbstractResult, with_std
 from iwanjax.tables import Block, Grid
 from iwanjax.types import compiled_for_one_call
-from iwanjax.updating.minima import Minimum, mixture
 from iwanjax.updating.model_error import ModelError
-from iwanjax.updating.parameters import Parameter
 from iwanjax.updating.problem import AbstractProblem
 
 # A parameter or combination counts as determined when the data leave less than this share
@@ -287,7 +287,7 @@ def certainty(
     The residuals are linearised in each parameter's transform (the logarithm of a strength,
     say) and measured by the deviation its prior has there. ``minima`` are the estimate and
     other ends of the search that are as good: deviations cover them by their evidence
-    (:func:`~iwanjax.updating.minima.mixture`).
+    (:func:`~iwanjax.estimation.minima.mixture`).
     """
     moving = [i for i, p in enumerate(parameters) if not p.fixed and p.name not in active]
     spread = np.array([prior_deviation(parameters[i]) for i in moving])

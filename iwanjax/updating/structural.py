@@ -11,6 +11,8 @@ from jaxtyping import Array, Float, Int
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.estimation.parameters import Chart, Parameter
+from iwanjax.estimation.priors import AbstractPrior, LogNormal, Normal, Uniform
 from iwanjax.joints import AbstractJoint
 from iwanjax.joints.iwan import AbstractIwan
 from iwanjax.quasistatic import QsmaSolution, qsma
@@ -25,8 +27,6 @@ from iwanjax.updating.background import (
 )
 from iwanjax.updating.interpolate import cubic
 from iwanjax.updating.microslip import IwanPlace
-from iwanjax.updating.parameters import Chart, Parameter
-from iwanjax.updating.priors import AbstractPrior, LogNormal, Normal, Uniform
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, unit_of
 
 # Loads of the first pass for each mode, and how far they reach beyond the amplitudes.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from iwanjax.discrepancy.evidence import correlation_time, linearised
+from iwanjax.estimation.evidence import correlation_time, linearised
 
 LEVELS, DRAWS, SHARE = 60, 300, 0.6
 

@@ -16,14 +16,14 @@ from matplotlib.patches import StepPatch
 from matplotlib.text import Annotation
 
 import iwanjax as ij
+from iwanjax.estimation.parameters import Chart, Parameter
+from iwanjax.estimation.priors import LogNormal, LogUniform, Normal, Uniform
 from iwanjax.plotting import plot, plot_bands, plot_fit, plot_posterior
 from iwanjax.plotting.scales import Scale, symbol
 from iwanjax.plotting.style import PALETTE
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.updating.estimate import fit
-from iwanjax.updating.parameters import Chart, Parameter
 from iwanjax.updating.posterior import Posterior
-from iwanjax.updating.priors import LogNormal, LogUniform, Normal, Uniform
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference
 
 TRUTH = ModalOscillator(100.0, 5e-4, ij.Jenkins(F_S=0.4, K_T=2e4))

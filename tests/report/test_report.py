@@ -9,6 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import iwanjax as ij
+from iwanjax.estimation.priors import LogNormal, Normal, Uniform
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.report import (
     Callout,
@@ -38,7 +39,6 @@ from iwanjax.signals.hilbert import ringdown
 from iwanjax.signals.merge import merge_curves
 from iwanjax.updating.estimate import fit
 from iwanjax.updating.posterior import Posterior
-from iwanjax.updating.priors import LogNormal, Normal, Uniform
 
 TRUTH = ModalOscillator(100.0, 1e-3, ij.Jenkins(F_S=0.4, K_T=2e4))
 VOID = {"meta", "img", "br", "hr", "link", "input"}

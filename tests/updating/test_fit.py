@@ -13,7 +13,8 @@ from updating.simulated import FREQUENCY_STD, LEVELS, NAMES, TRUTH, Oscillator, 
 
 import iwanjax as ij
 from iwanjax.errors import InputError
-from iwanjax.updating import Normal, fit, modal_parameters
+from iwanjax.estimation import Normal
+from iwanjax.updating import fit, modal_parameters
 
 # Chance alone fails one of these in 16000 parameters, and chi^2's limits once in 10^4.
 SIGMAS, RARE = 4.0, 1e-4

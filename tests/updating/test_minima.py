@@ -7,9 +7,9 @@ import pytest
 from jaxtyping import Array
 
 import iwanjax as ij
-from iwanjax.updating import LogNormal, Normal, Parameter
+from iwanjax.estimation import LogNormal, Normal, Parameter
+from iwanjax.estimation.parameters import Chart
 from iwanjax.updating.estimate import solve
-from iwanjax.updating.parameters import Chart
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference
 
 LEVELS = 12

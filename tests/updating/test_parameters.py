@@ -12,9 +12,10 @@ from updating.simulated import NAMES, TRUTH, noisy
 
 import iwanjax as ij
 from iwanjax.errors import InputError
-from iwanjax.updating import LogNormal, Normal, Parameter, Uniform, modal_parameters
+from iwanjax.estimation import LogNormal, Normal, Parameter, Uniform
+from iwanjax.estimation.parameters import Chart, replaced
+from iwanjax.updating import modal_parameters
 from iwanjax.updating.modal import ModalIwanProblem, modal_problem
-from iwanjax.updating.parameters import Chart, replaced
 
 PRIOR = Normal(0.0, 1.0)
 

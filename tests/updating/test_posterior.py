@@ -19,7 +19,8 @@ from updating.simulated import LEVELS, NAMES, TRUTH, clean, noisy
 
 import iwanjax as ij
 from iwanjax.errors import InputError
-from iwanjax.updating import LogNormal, fit, modal_parameters
+from iwanjax.estimation import LogNormal
+from iwanjax.updating import fit, modal_parameters
 from iwanjax.updating.density import Density, log_densities
 from iwanjax.updating.sampling import sample_posterior
 

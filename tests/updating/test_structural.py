@@ -11,7 +11,8 @@ from updating.simulated import LEVELS, make_hits, steady_cycle
 
 import iwanjax as ij
 from iwanjax.errors import InputError
-from iwanjax.updating import LogNormal, Parameter, Uniform, fit, structural_parameters
+from iwanjax.estimation import LogNormal, Parameter, Uniform
+from iwanjax.updating import fit, structural_parameters
 from iwanjax.updating.background import with_background
 from iwanjax.updating.microslip import alike_in_microslip
 from iwanjax.updating.structural import structural_problem

@@ -10,7 +10,6 @@ import numpy as np
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.effects import ForceKind, kinds_of
-from iwanjax.discrepancy.evidence import LEAST_GAIN
 from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.findings import Errors, Observable, Suspect, alike
 from iwanjax.discrepancy.histories import selection
@@ -30,6 +29,7 @@ from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.errors import InputError
+from iwanjax.estimation.evidence import LEAST_GAIN
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.threads import one_thread

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import jax
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind
-from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.joint_priors import joints_of
 from iwanjax.discrepancy.histories.likelihood import left_by_noise
@@ -34,6 +33,7 @@ from iwanjax.discrepancy.histories.ranking import (
     placed,
 )
 from iwanjax.discrepancy.histories.score_test import Candidate
+from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.joints import Iwan4
 
 # Ratios of kinetic to static friction to begin with: near one what it does is nearly linear.

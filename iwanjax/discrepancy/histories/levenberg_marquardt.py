@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.histories.linearise import Linearisation, linearise
 from iwanjax.discrepancy.histories.problem import (
     HistoryProblem,
@@ -17,6 +16,7 @@ from iwanjax.discrepancy.histories.problem import (
     elapsed,
     free_values,
 )
+from iwanjax.estimation.evidence import correlation_time
 
 # Prior deviations beyond which no joint is looked for.
 _FARTHEST = 8.0

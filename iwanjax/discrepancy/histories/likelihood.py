@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.effects import JointKind
-from iwanjax.discrepancy.evidence import correlation_time, log_evidence
 from iwanjax.discrepancy.histories.multistart import HypothesisFit
 from iwanjax.discrepancy.histories.problem import HistoryProblem, free_values
+from iwanjax.estimation.evidence import correlation_time, log_evidence
 from iwanjax.signals.comparison_band import OF_NOISE
 
 # No model is trusted to explain its residual better than this share of the noise's variance.

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.discrepancy.histories import hypotheses
 from iwanjax.discrepancy.histories.likelihood import Evidence, evidence, left_by_noise
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
@@ -17,6 +16,7 @@ from iwanjax.discrepancy.histories.ranking import (
     least,
     scored,
 )
+from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 
 # Suspects that are tried beside the first, and pairs that are fitted with a longer memory.
 _SECONDS, _PARTNERS = 6, 3

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
 from iwanjax.discrepancy.histories.likelihood import UNSURE, Evidence, evidence, scale
 from iwanjax.discrepancy.histories.multistart import TOLERANCE, HypothesisFit, multistart
 from iwanjax.discrepancy.histories.places import Place
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.score_test import Candidate, score_test
+from iwanjax.estimation.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
 
 TIME_CONSTANT = 8.0
 """Memory of the observer, in cycles, from which on fits are compared with one another."""

@@ -35,12 +35,12 @@ from iwanjax.discrepancy.steady.fit import (
     searched,
     with_sizes,
 )
+from iwanjax.estimation.parameters import Chart, drawn
 from iwanjax.joints import Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.updating.modal import ModalProblem, modal_parameters, modal_problem
-from iwanjax.updating.parameters import Chart, drawn
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference
 
 # Starts that are run of a search with a force.

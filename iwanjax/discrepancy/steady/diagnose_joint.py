@@ -10,7 +10,6 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.discrepancy.findings import Estimate
 from iwanjax.discrepancy.steady.curves import (
     ModeFit,
@@ -32,11 +31,12 @@ from iwanjax.discrepancy.steady.loops import (
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, clear_differences
 from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
 from iwanjax.errors import InputError
+from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
+from iwanjax.estimation.parameters import Parameter, drawn, replaced
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.types import require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem
-from iwanjax.updating.parameters import Parameter, drawn, replaced
 from iwanjax.updating.problem import modal_unit
 from iwanjax.updating.structural import joint_parameters
 

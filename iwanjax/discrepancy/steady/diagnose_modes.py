@@ -21,6 +21,7 @@ from iwanjax.discrepancy.steady.modes import (
 from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun, clear_differences
 from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
 from iwanjax.errors import InputError
+from iwanjax.estimation.parameters import Parameter, drawn, fixed_at, replaced
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike, require_double_precision
@@ -29,7 +30,6 @@ from iwanjax.updating.background import (
     background_parameters,
     viscous_ratios,
 )
-from iwanjax.updating.parameters import Parameter, drawn, fixed_at, replaced
 from iwanjax.updating.problem import Reference
 from iwanjax.updating.structural import structural_parameters, structural_problem
 

@@ -14,13 +14,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind
-from iwanjax.discrepancy.evidence import correlation_time, linearised
 from iwanjax.discrepancy.findings import Estimate
+from iwanjax.estimation.evidence import correlation_time, linearised
+from iwanjax.estimation.least_squares import AbstractLeastSquares
+from iwanjax.estimation.parameters import Chart
 from iwanjax.joints import ParameterInfo, Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
-from iwanjax.updating.parameters import Chart
-from iwanjax.updating.problem import AbstractLeastSquares
 from iwanjax.updating.search import TOLERANCE, search
 
 JOINT_VALUES = len(IWAN_PARAMETERS)

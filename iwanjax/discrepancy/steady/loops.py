@@ -25,12 +25,12 @@ from iwanjax.discrepancy.steady.fit import (
     searched,
     with_sizes,
 )
+from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion, Scales
 from iwanjax.joints.hysteresis import hysteresis
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.signals.force_loop import ForceLoop
-from iwanjax.updating.parameters import Chart, Parameter
 from iwanjax.updating.structural import joint_parameters
 
 # Starts that are run of a search with a force, and with a joint left out.

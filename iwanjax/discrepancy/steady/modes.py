@@ -28,12 +28,12 @@ from iwanjax.discrepancy.steady.fit import (
     searched,
 )
 from iwanjax.errors import InputError
+from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.quasistatic.single_harmonic import Backbones, OfJoint, backbones
 from iwanjax.structures import JointedStructure
-from iwanjax.updating.parameters import Chart, Parameter
 from iwanjax.updating.problem import Measured, Reference
 from iwanjax.updating.structural import StructuralProblem, joint_parameters, structural_problem
 

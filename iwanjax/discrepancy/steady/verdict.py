@@ -9,12 +9,6 @@ import numpy as np
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.effects import ForceKind, Kind, kinds_of
-from iwanjax.discrepancy.evidence import (
-    LEAST_GAIN,
-    MODEL_ERROR_ALLOWANCE,
-    linearised,
-    log_evidence,
-)
 from iwanjax.discrepancy.findings import (
     SURE,
     Errors,
@@ -29,9 +23,15 @@ from iwanjax.discrepancy.findings import (
 from iwanjax.discrepancy.judgement import Misfit, judged, worse
 from iwanjax.discrepancy.steady.fit import AnyFit, Fit, best_of
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
+from iwanjax.estimation.evidence import (
+    LEAST_GAIN,
+    MODEL_ERROR_ALLOWANCE,
+    linearised,
+    log_evidence,
+)
+from iwanjax.estimation.parameters import Parameter
 from iwanjax.joints import ParameterInfo
 from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
-from iwanjax.updating.parameters import Parameter
 
 # Evidences closer than this cannot be told apart.
 _ALIKE = 3.0

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iwanjax as ij
-from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at, located
 from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, Layout, step_within
 from iwanjax.discrepancy.histories.linearise import Linearisation
 from iwanjax.discrepancy.histories.predictor import Suspects
 from iwanjax.discrepancy.histories.problem import Hypothesis
+from iwanjax.estimation.evidence import correlation_time
 from iwanjax.types import compiled_for_one_call
 
 jax.config.update("jax_enable_x64", True)

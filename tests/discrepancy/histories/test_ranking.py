@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.effects import ForceKind, kinds_of
-from iwanjax.discrepancy.evidence import correlation_time
 from iwanjax.discrepancy.histories.likelihood import covariance, left_by_noise
 from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.ranking import (
@@ -20,6 +19,7 @@ from iwanjax.discrepancy.histories.ranking import (
 )
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import compared
+from iwanjax.estimation.evidence import correlation_time
 from iwanjax.joints import PlaceMotion
 from iwanjax.signals.comparison_band import OF_NOISE
 

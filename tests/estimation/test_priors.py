@@ -9,7 +9,7 @@ import scipy.integrate
 import scipy.stats
 
 from iwanjax.errors import InputError
-from iwanjax.updating import PRIORS, LogNormal, LogUniform, Normal, Uniform
+from iwanjax.estimation import PRIORS, LogNormal, LogUniform, Normal, Uniform
 
 # Each with SciPy's own distribution and its support.
 CASES = [

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
+from iwanjax.estimation.priors import AbstractPrior
 from iwanjax.files import nearest
 from iwanjax.types import real
-from iwanjax.updating.priors import AbstractPrior
 
 Transform = Literal["log", "logit", "identity"]
 

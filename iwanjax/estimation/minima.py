@@ -7,7 +7,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from iwanjax.updating.parameters import Parameter
+from iwanjax.estimation.parameters import Parameter
 
 # What a logarithm takes zero for, over the value at the best minimum.
 _NONE = 1e-3
