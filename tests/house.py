@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BOUNDS = {
     "class names used twice": 0,
     "tuned numbers": 796,
-    "tuned numbers without a comment": 159,
+    "tuned numbers without a comment": 156,
     "laws outside joints": 0,
     "least-squares loops of the host": 2,
     "modules that index a parameter map": 0,
@@ -33,16 +33,16 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 10,
     "config": 19,
-    "discrepancy": 52,
+    "discrepancy": 51,
     "dynamics": 15,
-    "estimation": 5,
+    "estimation": 12,
     "files": 6,
     "plotting": 16,
     "quasistatic": 9,
     "report": 3,
     "structures": 40,
     "studies": 8,
-    "updating": 18,
+    "updating": 17,
     "verbs": 9,
 }
 """Modules of each room. Joints and signals grow by design: a law and a kind of recording are one

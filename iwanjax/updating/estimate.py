@@ -11,9 +11,11 @@ from jaxtyping import Array
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
-from iwanjax.estimation.least_squares import AbstractLeastSquares
+from iwanjax.estimation.bounded import resting, within_bounds
+from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.minima import Minimum
 from iwanjax.estimation.parameters import Parameter, drawn, fixed_at, replaced, with_values
+from iwanjax.estimation.problem import AbstractLeastSquares
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision
@@ -22,7 +24,6 @@ from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.model_error import ModelError, model_error_of, with_model_error
 from iwanjax.updating.problem import AbstractProblem, Reference
 from iwanjax.updating.projected import ProjectedProblem
-from iwanjax.updating.search import Search, resting, search, within_bounds
 from iwanjax.updating.solution import FitSolution, certainty, point
 from iwanjax.updating.structural import (
     StructuralProblem,
@@ -164,24 +165,20 @@ def solve(
     with ThreadPoolExecutor(1) as other:
         # The compiler leaves the second core to this, which is wanted right after.
         other.submit(point, problem, jnp.asarray(draws[0]))
-        found = search(searched, jnp.asarray(draws), min(starts, _RUNS))
-    cost = np.asarray(found.cost)
-    best = int(np.argmin(cost))
-    further = problem.restarts(np.asarray(found.theta[best]), starts)
+        found = least_squares(searched, jnp.asarray(draws), min(starts, _RUNS))
+    best = min(found, key=lambda each: each.cost)
+    further = problem.restarts(best.values, starts)
     if further is not None:
         # As many again: one compiled search serves both.
-        again = search(searched, jnp.asarray(further), min(starts, _RUNS))
-        found = Search(*(jnp.concatenate(pair) for pair in zip(found, again, strict=True)))
-        cost = np.asarray(found.cost)
-        best = int(np.argmin(cost))
-    if not np.isfinite(cost[best]):
+        found += least_squares(searched, jnp.asarray(further), min(starts, _RUNS))
+        best = min(found, key=lambda each: each.cost)
+    if not np.isfinite(best.cost):
         raise InputError(
             "fit: no start gave finite residuals; are the amplitudes in the unit that the model "
             "is in?"
         )
-    theta, _ = within_bounds(searched, parameters, np.array(found.theta[best]))
-    theta = _completed(searched, theta)
-    active = resting(parameters, theta)
+    theta = _completed(searched, within_bounds(searched, best).values)
+    active = resting(problem, theta)
     final = with_values(parameters, theta)
     there = point(problem, jnp.asarray(theta))
     f, zeta = (np.asarray(x) for x in there.differences)
@@ -195,7 +192,7 @@ def solve(
         theta,
         lambda each: _minimum(problem, each).cost <= allowed,
     )
-    ends = [_completed(searched, end) for end in np.asarray(found.theta)[cost <= allowed]]
+    ends = [_completed(searched, each.values) for each in found if each.cost <= allowed]
     minima = [_minimum(problem, each) for each in (theta, *ends, *alike.thetas)]
     as_good = [each for each in minima if each.cost <= allowed]
     sure = certainty(as_good, final, tuple(active), misfit)
@@ -215,9 +212,9 @@ def solve(
         damping_rms=_rms(
             zeta * np.asarray(problem.measured.damping_std / problem.measured.damping)
         ),
-        converged=bool(found.converged[best]) or bool(active),
-        agreeing=int(np.sum(cost <= cost[best] * (1.0 + _SAME_COST) + _SAME_COST)),
-        runs=cost.size,
+        converged=best.converged or bool(active),
+        agreeing=sum(each.cost <= best.cost * (1.0 + _SAME_COST) + _SAME_COST for each in found),
+        runs=len(found),
         model_error=model_error,
         model=problem.model(jnp.asarray(theta)),
         measured=tuple(curves),

@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.errors import InputError
+from iwanjax.estimation.bounded import within_bounds
+from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.minima import Minimum
 from iwanjax.estimation.parameters import Chart, Parameter, drawn, with_values
 from iwanjax.estimation.priors import LogNormal
@@ -20,7 +22,6 @@ from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.linear_problem import RIGID, LinearProblem, Matched, MeasuredModes, believed
 from iwanjax.updating.linear_solution import LinearSolution
-from iwanjax.updating.search import search, within_bounds
 from iwanjax.updating.solution import certainty
 
 # Draws from which a prior's middle and deviation in the variable that is moved are taken.
@@ -139,26 +140,27 @@ def update_linear(
         logarithmic=logarithmic,
         names=structure.names,
     )
-    found = search(problem, many[:starts], int(starts), _TOLERANCE)
-    cost = np.asarray(found.cost)
-    best = int(np.argmin(cost))
-    if not np.isfinite(cost[best]):
+    found = least_squares(problem, many[:starts], int(starts), tolerance=_TOLERANCE)
+    cost = np.array([each.cost for each in found])
+    best = found[int(np.argmin(cost))]
+    if not np.isfinite(best.cost):
         raise InputError(
             "update_linear: no start gave finite frequencies; are matrices, starting values and "
             "frequencies in one system of units?"
         )
-    theta, active = within_bounds(problem, row, np.array(found.theta[best]))
+    end = within_bounds(problem, best)
+    theta, active = end.values, end.at_bounds
     final = with_values(row, theta)
     before, after, slope = _there(problem, jnp.asarray([p.value for p in row]), jnp.asarray(theta))
     differences = [np.asarray(x) for x in problem.differences(jnp.asarray(theta))]
     data = problem.data(jnp.asarray(theta))
     misfit = float(jnp.sqrt(jnp.mean(data**2)))
     # Another minimum that is this little worse may hold the truth.
-    as_good = np.flatnonzero(cost <= cost[best] + _AS_GOOD * max(1.0, misfit) ** 2)
+    as_good = np.flatnonzero(cost <= best.cost + _AS_GOOD * max(1.0, misfit) ** 2)
     minima = [_minimum(theta, data, slope)]
-    for end in np.asarray(found.theta)[as_good]:
-        there = jnp.asarray(end)
-        minima.append(_minimum(end, problem.data(there), _there(problem, there, there)[2]))
+    for other in (found[i].values for i in as_good):
+        there = jnp.asarray(other)
+        minima.append(_minimum(other, problem.data(there), _there(problem, there, there)[2]))
     sure = certainty(minima, final, tuple(active), misfit)
     return LinearSolution(
         parameters=final,
@@ -167,7 +169,7 @@ def update_linear(
         undetermined=sure.undetermined,
         determined=sure.determined,
         rivals=sure.rivals,
-        active_bounds=active,
+        active_bounds=dict(active),
         measured_frequency=measured.frequency,
         frequency_std=measured.frequency_std,
         frequency_before=np.asarray(before.frequency),
@@ -178,8 +180,8 @@ def update_linear(
         misfit_shapes=None
         if measured.shapes is None
         else float(np.sqrt(np.mean(differences[1] ** 2))),
-        converged=bool(found.converged[best]) or bool(active),
-        agreeing=int(np.sum(cost <= cost[best] * (1.0 + _SAME_COST) + _SAME_COST)),
+        converged=best.converged or bool(active),
+        agreeing=int(np.sum(cost <= best.cost * (1.0 + _SAME_COST) + _SAME_COST)),
         runs=cost.size,
         structure=structure,
     )

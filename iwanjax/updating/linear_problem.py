@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from iwanjax.errors import InputError
-from iwanjax.estimation.least_squares import AbstractLeastSquares
 from iwanjax.estimation.parameters import Chart
+from iwanjax.estimation.problem import AbstractLeastSquares
 from iwanjax.results import AbstractResult
 from iwanjax.structures.affine import AffineStructure
 from iwanjax.structures.assurance import modal_assurance

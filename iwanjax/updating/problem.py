@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
-from iwanjax.estimation.least_squares import AbstractLeastSquares
 from iwanjax.estimation.parameters import Parameter
+from iwanjax.estimation.problem import AbstractLeastSquares
 from iwanjax.types import real
 from iwanjax.updating.microslip import IwanPlace
 

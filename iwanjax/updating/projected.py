@@ -7,8 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from iwanjax.estimation.least_squares import AbstractLeastSquares
 from iwanjax.estimation.parameters import Chart, Parameter
+from iwanjax.estimation.problem import AbstractLeastSquares
 from iwanjax.updating.structural import StructuralProblem
 
 

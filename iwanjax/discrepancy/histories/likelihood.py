@@ -7,7 +7,7 @@ import numpy as np
 
 from iwanjax.discrepancy.effects import JointKind
 from iwanjax.discrepancy.histories.multistart import HypothesisFit
-from iwanjax.discrepancy.histories.problem import HistoryProblem, free_values
+from iwanjax.discrepancy.histories.problem import HistoryProblem, free_values, values_measured
 from iwanjax.estimation.evidence import correlation_time, log_evidence
 from iwanjax.signals.comparison_band import OF_NOISE
 
@@ -88,11 +88,6 @@ def covariance(
     change = np.stack([np.linalg.pinv(weighed - part) @ score for part, score in left_out])
     change -= change.mean(axis=0)
     return found + (R - 1) / R * change.T @ change
-
-
-def values_measured(problem: HistoryProblem) -> int:
-    """Number of samples that a residual is taken of."""
-    return int(np.count_nonzero(np.asarray(problem.data.weight)))
 
 
 def left_by_noise(problem: HistoryProblem) -> float:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import jax
 import numpy as np
@@ -13,66 +13,10 @@ from iwanjax.discrepancy.histories import kernels
 from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.predictor import Predictor, Suspects
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
+from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.threads import available_threads
 
 _Found = TypeVar("_Found")
-
-
-class Linearisation(NamedTuple):
-    """Residuals at some values, recording by recording.
-
-    Attributes
-    ----------
-    misfit : (recordings,) array
-        Sums of the residuals' squares.
-    moment : (recordings, directions) array
-        J^T e.
-    normal : (recordings, directions, directions) array
-        J^T J.
-    residual : (recordings, N, sensors) array
-        e, weighted.
-    slopes : (recordings, directions, N, sensors) array
-        J, its derivatives.
-    """
-
-    misfit: np.ndarray
-    moment: np.ndarray
-    normal: np.ndarray
-    residual: np.ndarray
-    slopes: np.ndarray
-
-    @classmethod
-    def of(cls, residual: np.ndarray, slopes: np.ndarray) -> "Linearisation":
-        """What least squares needs of residuals and derivatives."""
-        e, J = residual.reshape(len(residual), -1), slopes.reshape(*slopes.shape[:2], -1)
-        # A run that breaks down may have derivatives beyond all bounds; no step is taken there.
-        with np.errstate(over="ignore", invalid="ignore"):
-            moment, normal = (J @ e[:, :, None])[:, :, 0], J @ np.swapaxes(J, 1, 2)
-        return cls(np.einsum("rn,rn->r", e, e), moment, normal, residual, slopes)
-
-    def beside(self, move: np.ndarray, residual: np.ndarray) -> "Linearisation":
-        r"""What is seen after a move, derivatives corrected only by what it has shown.
-
-        .. math:: J' = J + \frac{(\Delta e - J u)(Wu)^T}{u^T W u},
-
-        Broyden's update (1965) with W the squares of J's columns, so that units do not matter.
-
-        Parameters
-        ----------
-        move : (recordings, directions) array
-            u.
-        residual : (recordings, N, sensors) array
-            After it.
-        """
-        R, V = move.shape
-        J = self.slopes.reshape(R, V, -1)
-        weighed = np.einsum("rii->ri", self.normal) * move
-        square = np.einsum("ri,ri->r", weighed, move)
-        share = weighed / np.where(square > 0, square, np.inf)[:, None]
-        e = residual.reshape(R, -1)
-        surprise = e - self.residual.reshape(R, -1) - (move[:, None] @ J)[:, 0]
-        J = J + share[:, :, None] * surprise[:, None]
-        return Linearisation.of(residual, J.reshape(self.slopes.shape))
 
 
 def linearise(

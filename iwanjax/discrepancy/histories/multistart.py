@@ -2,23 +2,32 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, begun, resumed
 from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
-from iwanjax.discrepancy.histories.parameter_map import ParameterMap
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start, Variant
+from iwanjax.discrepancy.histories.problem import (
+    HistoryProblem,
+    Hypothesis,
+    Start,
+    drifting_values,
+    elapsed,
+    free_values,
+    values_measured,
+)
+from iwanjax.estimation import multistart as searches
+from iwanjax.estimation.levenberg_marquardt import Layout, SearchStart
+from iwanjax.estimation.linearisation import Linearisation
+from iwanjax.estimation.problem import GroupedSquares, LeastSquaresSolution
+from iwanjax.estimation.settings import SEARCH
 
 SHORT_TIME_CONSTANT = 2.0
 """The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""
-TOLERANCE = 1e-3
-"""Relative gain below which, twice in a row, a search ends."""
-# Steps before a search may be given up, and before it may be for the root of the factor.
-_HEAD_START, _LATE = 3, 6
-# Share of the squared residual by which two searches of a hypothesis differ that are one.
-_ALIKE = 1e-2
+# Deviations of what a joint's parameters change from the first recording to the last, and of each
+# recording from an even change, in prior deviations: a soft hit tells nothing of macroslip, and
+# what it leaves open is on the line.
+_DRIFT, _UNEVEN = 2.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,50 +38,151 @@ class HypothesisFit:
     ----------
     hypothesis : Hypothesis
         Which.
-    theta : (recordings, values) array
-        Joint parameters, sizes, shapes and errors of the state.
-    x : (free,) array
-        What was free, of which theta is made.
-    misfit : (recordings,) array
-        Sums of squared weighted innovations.
-    cost : float
-        Their sum and the prior's.
-    normal : (free, free) array
-        Second derivatives of half the cost.
-    precision : (free,) array
-        The prior's part of its diagonal.
-    parts : (recordings, free, free) array
-        The recordings' parts of it.
-    scores : (recordings, free) array
-        Their parts of its gradient.
-    residual : (recordings, N, sensors) array
-        Weighted innovations.
+    solution : LeastSquaresSolution
+        Where the search ended; its groups are the recordings.
     time_constant : float
         Memory of the observer; infinity for the free run.
-    converged : bool
-        Whether the search ended by itself.
     values : int
         Length of theta without errors of the state.
     """
 
     hypothesis: Hypothesis
-    theta: np.ndarray
-    x: np.ndarray
-    misfit: np.ndarray
-    cost: float
-    normal: np.ndarray
-    precision: np.ndarray = field(repr=False)
-    parts: np.ndarray = field(repr=False)
-    scores: np.ndarray = field(repr=False)
-    residual: np.ndarray = field(repr=False)
+    solution: LeastSquaresSolution
     time_constant: float
-    converged: bool
     values: int
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Joint parameters, sizes, shapes and errors of the state, (recordings, values)."""
+        return self.solution.values
+
+    @property
+    def x(self) -> np.ndarray:
+        """What was free, of which theta is made, (free,)."""
+        return self.solution.x
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared weighted innovations, and the prior's."""
+        return self.solution.cost
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search ended by itself."""
+        return self.solution.converged
+
+    @property
+    def squares(self) -> GroupedSquares:
+        """Weighted innovations, recording by recording, and what they say of x."""
+        assert self.solution.groups is not None
+        return self.solution.groups
+
+    @property
+    def misfit(self) -> np.ndarray:
+        """Sums of squared weighted innovations, (recordings,)."""
+        return self.squares.misfit
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Weighted innovations, (recordings, N, sensors)."""
+        return self.squares.residual
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Second derivatives of half the cost, (free, free)."""
+        return self.squares.normal
+
+    @property
+    def precision(self) -> np.ndarray:
+        """The prior's part of their diagonal, (free,)."""
+        return self.squares.precision
+
+    @property
+    def parts(self) -> np.ndarray:
+        """The recordings' parts of them, (recordings, free, free)."""
+        return self.squares.parts
+
+    @property
+    def scores(self) -> np.ndarray:
+        """The recordings' parts of half the cost's gradient, (recordings, free)."""
+        return self.squares.scores
 
     @property
     def start(self) -> Start:
         """Where another search may go on."""
         return Start(self.hypothesis, self.theta[:, : self.values])
+
+
+@dataclass(frozen=True, eq=False)
+class _Innovations:
+    """Residuals of hypotheses with one observer, as a search asks for them."""
+
+    problem: HistoryProblem
+    time_constant: float
+
+    @property
+    def count(self) -> int:
+        return values_measured(self.problem)
+
+    def residuals(self, points: Sequence[tuple[Hypothesis, np.ndarray]]) -> list[np.ndarray]:
+        return residuals_at(self.problem, points, self.time_constant)
+
+    def linearise(self, points: Sequence[tuple[Hypothesis, np.ndarray]]) -> list[Linearisation]:
+        return linearise(self.problem, points, self.time_constant)
+
+
+def laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray]:
+    """Which values are free, and where they begin."""
+    hypothesis, R, p = start.hypothesis, problem.recordings, problem.parameters
+    slots = len(hypothesis.sizes)
+    fixed = problem.map.end(slots)
+    given = np.atleast_2d(start.theta)
+    known = given.shape[-1] > fixed
+    states = given[:, fixed:] if known else np.zeros((R, problem.directions))
+    if hypothesis.drifting is None:
+        given = given.mean(axis=0, keepdims=True)
+    base = np.concatenate([given[0, :fixed], np.zeros(problem.directions)])
+    eye = np.eye(len(base))
+    shared = free_values(problem, hypothesis)
+    columns = [np.tile(eye[i], (R, 1)) for i in shared]
+    precision = [1.0 if i < p else 0.0 for i in shared]
+    x = [base[i] for i in shared]
+    for r in range(R):
+        for i in range(fixed, len(base)):
+            one = np.zeros((R, len(base)))
+            one[r, i] = 1.0
+            columns.append(one)
+            precision.append(1.0)
+            x.append(states[r, i - fixed])
+    if hypothesis.drifting is not None:
+        line = elapsed(problem, problem.order)
+        for i in drifting_values(problem, hypothesis.drifting):
+            change = given[:, i] - given[0, i] if len(given) > 1 else np.zeros(R)
+            columns.append(np.outer(line, eye[i]))
+            precision.append(_DRIFT**-2)
+            x.append(change[-1])
+            for r in range(1, R):
+                columns.append(np.outer(np.arange(R) == r, eye[i]))
+                precision.append(_UNEVEN**-2)
+                x.append(change[r] - line[r] * change[-1])
+    base[shared] = 0.0
+    T = np.stack(columns, axis=-1)
+    border = np.full(len(x), np.inf)
+    border[:p] = SEARCH.farthest
+    logs = {problem.map.shape(slot) for slot in range(slots)}
+    logs |= {
+        problem.map.size(slot)
+        for slot in range(slots)
+        if hypothesis.sizes[slot] and hypothesis.logarithmic(slot)
+    }
+    logarithmic = np.zeros(len(x), bool)
+    logarithmic[: len(shared)] = [i in logs for i in shared]
+    layout = Layout(np.tile(base, (R, 1)), T, np.array(precision), border, logarithmic)
+    return layout, np.array(x)
+
+
+def _search_start(problem: HistoryProblem, start: Start) -> SearchStart:
+    return SearchStart(*laid_out(problem, start), start.hypothesis, start.hypothesis.variant)
 
 
 def foreseen(problem: HistoryProblem, starts: Sequence[Start], time_constant: float) -> list[float]:
@@ -94,7 +204,8 @@ def foreseen(problem: HistoryProblem, starts: Sequence[Start], time_constant: fl
     list of float
         Infinite where the model breaks down.
     """
-    return [descent.foreseen for descent in begun(problem, starts, time_constant)]
+    own = [_search_start(problem, start) for start in starts]
+    return [each.foreseen for each in searches.begun(_Innovations(problem, time_constant), own)]
 
 
 def multistart(
@@ -103,7 +214,7 @@ def multistart(
     time_constant: float,
     steps: int,
     *,
-    tolerance: float = TOLERANCE,
+    tolerance: float = SEARCH.host_tolerance,
     give_up: float = math.inf,
     best: float = math.inf,
     at_most: int | None = None,
@@ -125,7 +236,7 @@ def multistart(
         At most.
     tolerance : float
         Relative gain below which, twice in a row, a search ends.
-    race : float
+    give_up : float
         Times the best one's cost from which on a search is given up; later on the root of it.
     best : float
         Cost that others have reached.
@@ -136,77 +247,22 @@ def multistart(
 
     Returns
     -------
-    list of Fitted
+    list of HypothesisFit
         One for each start.
     """
-    if not starts:
-        return []
-    descents = begun(problem, starts, time_constant)
-    for step in range(steps):
-        if not in_time():
-            break
-        if step >= _HEAD_START:
-            best = min(best, *(descent.cost for descent in descents))
-            within = give_up if step < _LATE else math.sqrt(give_up)
-            for place, descent in enumerate(sorted(descents, key=lambda each: each.cost)):
-                ahead = at_most is None or place < at_most
-                descent.active = descent.active and ahead and descent.cost < within * best
-            _merge(descents)
-        stale = [descent for descent in descents if descent.active and descent.stale]
-        at = [(descent.hypothesis, descent.theta(descent.x)) for descent in stale]
-        for descent, seen in zip(stale, linearise(problem, at, time_constant), strict=True):
-            descent.renewed(seen)
-        tried = []
-        for descent in descents:
-            x = descent.proposed() if descent.active else None
-            if x is None:
-                descent.converged = descent.converged or descent.active
-                descent.active = False
-            else:
-                tried.append((descent, x))
-        if not tried:
-            break
-        tried = _bent(problem, tried, time_constant)
-        found = residuals_at(
-            problem, [(descent.hypothesis, descent.theta(x)) for descent, x in tried], time_constant
-        )
-        for (descent, x), residual in zip(tried, found, strict=True):
-            descent.tried(x, residual, tolerance)
-    return [_fitted(descent, time_constant) for descent in descents]
-
-
-def _merge(descents: Sequence[Descent]) -> None:
-    """Of searches of one hypothesis that predict the same by now only the best goes on."""
-    best: dict[Variant, list[Descent]] = {}
-    for descent in sorted(descents, key=lambda each: each.cost):
-        ahead = best.setdefault(descent.hypothesis.variant, [])
-        if descent.active and any(
-            alike(descent.seen.residual, each.seen.residual) for each in ahead
-        ):
-            descent.active = False
-        else:
-            ahead.append(descent)
-
-
-def alike(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether residuals of one hypothesis say that two searches have come to the same end."""
-    least = min(np.sum(one**2), np.sum(other**2))
-    return bool(np.sum((one - other) ** 2) < _ALIKE * least)
-
-
-def _bent(
-    problem: HistoryProblem, tried: Sequence[tuple[Descent, np.ndarray]], time_constant: float
-) -> list[tuple[Descent, np.ndarray]]:
-    """Steps of searches that a straight step has failed, bent along their valleys."""
-    where = [
-        (descent.hypothesis, descent.theta(descent.glimpse(x)))
-        for descent, x in tried
-        if descent.bent
-    ]
-    seen = iter(residuals_at(problem, where, time_constant))
+    found = searches.multistart(
+        _Innovations(problem, time_constant),
+        [_search_start(problem, start) for start in starts],
+        steps,
+        tolerance=tolerance,
+        give_up=give_up,
+        best=best,
+        at_most=at_most,
+        in_time=in_time,
+    )
     return [
-        (descent, descent.along_the_valley(x, next(seen)) if descent.bent else x)
-        for descent, x in tried
+        _fitted(problem, start.hypothesis, each, time_constant)
+        for start, each in zip(starts, found, strict=True)
     ]
 
 
@@ -222,24 +278,20 @@ def moved(problem: HistoryProblem, fitted: HypothesisFit, change: np.ndarray) ->
     change : (parameters,) array
         Of z.
     """
-    descent = resumed(problem, fitted.start, fitted.x, change, fitted.time_constant)
+    start = _search_start(problem, fitted.start)
+    there = fitted.x.copy()
+    there[: len(change)] += change
+    residuals = _Innovations(problem, fitted.time_constant)
+    (descent,) = searches.begun(residuals, [start._replace(x=there)])
     descent.converged = fitted.converged
-    return _fitted(descent, fitted.time_constant)
+    return _fitted(problem, fitted.hypothesis, descent.solution(), fitted.time_constant)
 
 
-def _fitted(descent: Descent, time_constant: float) -> HypothesisFit:
-    return HypothesisFit(
-        descent.hypothesis,
-        descent.theta(descent.x),
-        descent.x,
-        descent.seen.misfit,
-        descent.cost,
-        descent.normal,
-        descent.layout.precision,
-        descent.parts,
-        descent.scores,
-        descent.seen.residual,
-        time_constant,
-        descent.converged,
-        ParameterMap(descent.joints).end(len(descent.hypothesis.sizes)),
-    )
+def _fitted(
+    problem: HistoryProblem,
+    hypothesis: Hypothesis,
+    found: LeastSquaresSolution,
+    time_constant: float,
+) -> HypothesisFit:
+    values = problem.map.end(len(hypothesis.sizes))
+    return HypothesisFit(hypothesis, found, time_constant, values)

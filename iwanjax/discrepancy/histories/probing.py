@@ -10,7 +10,6 @@ from iwanjax.discrepancy.histories.linearise import residuals_at
 from iwanjax.discrepancy.histories.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
-    alike,
     multistart,
 )
 from iwanjax.discrepancy.histories.places import Place
@@ -24,6 +23,7 @@ from iwanjax.discrepancy.histories.ranking import (
     cost_of,
 )
 from iwanjax.discrepancy.histories.score_test import Candidate
+from iwanjax.estimation.multistart import alike
 
 # Places that are probed; largest forces as shares of what would hold the place there; suspects
 # that are refitted, and those of them with a longer memory.

@@ -273,6 +273,11 @@ def _neighbours(
     return np.array(rows).reshape(-1, theta.shape[1]), owners
 
 
+def values_measured(problem: HistoryProblem) -> int:
+    """Number of samples that a residual is taken of."""
+    return int(np.count_nonzero(np.asarray(problem.data.weight)))
+
+
 def free_values(problem: HistoryProblem, hypothesis: Hypothesis) -> list[int]:
     """Places in theta of what is fitted and the same in all recordings."""
     at, found = problem.map, list(range(problem.parameters))

@@ -8,11 +8,12 @@ import numpy as np
 
 from iwanjax.discrepancy.effects import Kind
 from iwanjax.discrepancy.histories.likelihood import UNSURE, Evidence, evidence, scale
-from iwanjax.discrepancy.histories.multistart import TOLERANCE, HypothesisFit, multistart
+from iwanjax.discrepancy.histories.multistart import HypothesisFit, multistart
 from iwanjax.discrepancy.histories.places import Place
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.score_test import Candidate, score_test
 from iwanjax.estimation.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
+from iwanjax.estimation.settings import SEARCH
 
 TIME_CONSTANT = 8.0
 """Memory of the observer, in cycles, from which on fits are compared with one another."""
@@ -132,7 +133,7 @@ def distinct(entries: Sequence[RankedFit]) -> list[RankedFit]:
 
 def tolerance_of(time_constant: float) -> float:
     """Relative gain below which a search with this memory ends, and costs are the same."""
-    return _FINE if time_constant > TIME_CONSTANT else TOLERANCE
+    return _FINE if time_constant > TIME_CONSTANT else SEARCH.host_tolerance
 
 
 def refitted(

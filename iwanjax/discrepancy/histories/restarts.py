@@ -10,7 +10,6 @@ from iwanjax.discrepancy.histories.likelihood import left_by_noise
 from iwanjax.discrepancy.histories.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
-    alike,
     multistart,
 )
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
@@ -25,6 +24,7 @@ from iwanjax.discrepancy.histories.ranking import (
     least,
     settled,
 )
+from iwanjax.estimation.multistart import alike
 
 # Starts of the joints alone.
 _STARTS = 4

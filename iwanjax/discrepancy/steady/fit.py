@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeAlias, TypeVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -16,12 +15,17 @@ from jaxtyping import Array, Float
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind
 from iwanjax.discrepancy.findings import Estimate
 from iwanjax.estimation.evidence import correlation_time, linearised
-from iwanjax.estimation.least_squares import AbstractLeastSquares
+from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart
+from iwanjax.estimation.problem import (
+    AbstractLeastSquares,
+    LeastSquaresSolution,
+    residuals_and_slopes,
+)
+from iwanjax.estimation.settings import SEARCH
 from iwanjax.joints import ParameterInfo, Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
-from iwanjax.updating.search import TOLERANCE, search
 
 JOINT_VALUES = len(IWAN_PARAMETERS)
 """Parameters of a joint left out."""
@@ -214,7 +218,7 @@ class SteadyFit(Generic[Problem]):
     @cached_property
     def linear(self) -> tuple[np.ndarray, np.ndarray]:
         """Residuals, and their derivatives by the parameters, (residuals, parameters)."""
-        r, J = _residuals_and_slopes(self.problem, jnp.asarray(self.theta))
+        r, J = residuals_and_slopes(self.problem, jnp.asarray(self.theta))
         return np.asarray(r), np.asarray(J)
 
     def residuals(self) -> tuple[np.ndarray, ...]:
@@ -269,25 +273,13 @@ AnyFit: TypeAlias = SteadyFit[Any]
 Fit = TypeVar("Fit", bound=AnyFit)
 
 
-@eqx.filter_jit
-def _residuals_and_slopes(
-    problem: AbstractLeastSquares, theta: Float[Array, " parameters"]
-) -> tuple[Array, Array]:
-    def residuals(theta: Array) -> tuple[Array, Array]:
-        found = problem.residuals(theta)
-        return found, found
-
-    slopes, found = jax.jacfwd(residuals, has_aux=True)(theta)
-    return found, slopes
-
-
 def searched(
     effect: PlacedEffect | None,
     problem: Problem,
     starts: np.ndarray,
     runs: int,
     at_once: int = STARTS,
-    tolerance: float = TOLERANCE,
+    tolerance: float = SEARCH.tolerance,
 ) -> SteadyFit[Problem]:
     """The fit at the best end of a multistart.
 
@@ -304,14 +296,12 @@ def searched(
     tolerance : float
         Relative, of the search.
     """
-    ends = []
+    ends: list[LeastSquaresSolution] = []
     for first in range(0, len(starts), at_once):
         some = starts[np.arange(first, first + at_once) % len(starts)]
-        found = search(problem, jnp.asarray(some), runs, tolerance)
-        i = int(np.argmin(np.asarray(found.cost)))
-        ends.append((float(found.cost[i]), np.asarray(found.theta[i])))
-    cost, theta = min(ends, key=lambda each: each[0])
-    return SteadyFit(effect, problem, theta, cost, cost)
+        ends += least_squares(problem, jnp.asarray(some), runs, tolerance=tolerance)
+    best = min(ends, key=lambda each: each.cost)
+    return SteadyFit(effect, problem, best.values, best.cost, best.cost)
 
 
 def joints_to_begin_with(alone: AnyFit, draws: np.ndarray) -> np.ndarray:

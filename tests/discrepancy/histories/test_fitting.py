@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 
 import iwanjax as ij
 from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at, located
-from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, Layout, step_within
-from iwanjax.discrepancy.histories.linearise import Linearisation
-from iwanjax.discrepancy.histories.predictor import Suspects
-from iwanjax.discrepancy.histories.problem import Hypothesis
 from iwanjax.estimation.evidence import correlation_time
+from iwanjax.estimation.levenberg_marquardt import Descent, Layout, SearchStart, step_within
+from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.types import compiled_for_one_call
 
 jax.config.update("jax_enable_x64", True)
@@ -109,9 +107,7 @@ def test_what_a_step_promises_is_the_least_squares_of_a_linear_model(seed, size)
         jnp.asarray(slopes[None]),
     )
     layout = Layout(np.zeros((1, size)), np.eye(size)[None], precision)
-    nobody = Suspects(*(jnp.zeros((1, 1)) for _ in range(2)), jnp.zeros((1, 3, 1)), jnp.zeros(1))
-    nothing = Hypothesis((), (), nobody)
-    lane = Descent(nothing, layout, size, 12, x, seen)
+    lane = Descent.at(SearchStart(layout, x), 12, seen)
     # By an independent route: the same as rows of one least-squares problem.
     rows = np.concatenate([slopes, np.diag(np.sqrt(precision))])
     wanted = np.concatenate([residual - slopes @ x, np.zeros(size)])

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.histories import levenberg_marquardt as lanes
+from iwanjax.discrepancy.histories.multistart import laid_out
 from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.problem import elapsed, rates
 from iwanjax.discrepancy.histories.validation import FreeRun, joined
@@ -73,7 +73,7 @@ def test_a_drift_goes_on_in_line(loosening):
     theta = np.zeros((3, 6))
     theta[:, 0] = 0.4, 0.2, -0.2
     theta[:, 1] = 0.3, 0.25, 0.25
-    layout, x = lanes.laid_out(problem, SimpleNamespace(hypothesis=hypothesis, theta=theta))
+    layout, x = laid_out(problem, SimpleNamespace(hypothesis=hypothesis, theta=theta))
     np.testing.assert_allclose((layout.base + layout.T @ x)[:, :6], theta, atol=1e-12)
     of_strength, of_stiffness = rates(problem, hypothesis)
     assert x[of_strength] == pytest.approx(-0.6)

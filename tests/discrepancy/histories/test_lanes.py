@@ -1,11 +1,9 @@
 """Steps of a search along a valley that is known in closed form."""
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from iwanjax.discrepancy.histories import levenberg_marquardt as lanes
-from iwanjax.discrepancy.histories.linearise import Linearisation
+from iwanjax.estimation.levenberg_marquardt import Descent, Layout, SearchStart
+from iwanjax.estimation.linearisation import Linearisation
 
 
 class Valley:
@@ -30,9 +28,8 @@ class Valley:
 
     @classmethod
     def lane(cls, x):
-        layout = lanes.Layout(np.zeros((1, 2)), np.eye(2)[None], np.zeros(2))
-        hypothesis = SimpleNamespace(sizes=(), shapes=(), suspects=None)
-        return lanes.Descent(hypothesis, layout, 2, 1, x, cls.seen(x))
+        layout = Layout(np.zeros((1, 2)), np.eye(2)[None], np.zeros(2), border=8.0)
+        return Descent.at(SearchStart(layout, x), 1, cls.seen(x))
 
     @classmethod
     def steps(cls, bent):

@@ -18,9 +18,8 @@ from iwanjax.discrepancy.histories.conditioning import upsampled
 from iwanjax.discrepancy.histories.hypotheses import JointStart, force, with_joint, with_stiction
 from iwanjax.discrepancy.histories.joint_faults import without_the_other
 from iwanjax.discrepancy.histories.joint_priors import Joint
-from iwanjax.discrepancy.histories.levenberg_marquardt import Descent, Layout
-from iwanjax.discrepancy.histories.linearise import Linearisation, linearise, residuals_at
-from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, alike, multistart
+from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
+from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.discrepancy.histories.nested import with_nested_laws
 from iwanjax.discrepancy.histories.noise import noise_of
 from iwanjax.discrepancy.histories.predictor import Suspects
@@ -29,6 +28,9 @@ from iwanjax.discrepancy.histories.problem import Hypothesis, Start
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, scored, settled
 from iwanjax.discrepancy.histories.selection import ModelSelection, concluded
 from iwanjax.discrepancy.histories.time_steps import Refined
+from iwanjax.estimation.levenberg_marquardt import Descent, Layout, SearchStart
+from iwanjax.estimation.linearisation import Linearisation
+from iwanjax.estimation.multistart import alike
 from iwanjax.signals.comparison_band import HALF, OF_NOISE, in_band
 
 NOTHING = Hypothesis(
@@ -110,7 +112,7 @@ def searched(seed: int, size: int, curved: float, steps: int = 60) -> tuple[Desc
     residual, seen = linear(seed, size, curved)
     x = np.random.default_rng(seed).standard_normal(size)
     layout = Layout(np.zeros((1, size)), np.eye(size)[None], np.full(size, 1e-3))
-    lane, asked = Descent(NOTHING, layout, 0, 40, x, seen(x)), 1
+    lane, asked = Descent.at(SearchStart(layout, x), 40, seen(x)), 1
     for _ in range(steps):
         if lane.stale:
             lane.renewed(seen(lane.x))
