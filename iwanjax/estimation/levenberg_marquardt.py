@@ -71,7 +71,7 @@ class Descent:
     """A search on its way."""
 
     start: SearchStart
-    count: int
+    count: float
     x: np.ndarray
     seen: Linearisation
     settings: SearchSettings
@@ -90,7 +90,7 @@ class Descent:
     def at(
         cls,
         start: SearchStart,
-        count: int,
+        count: float,
         seen: Linearisation,
         settings: SearchSettings = SEARCH,
     ) -> "Descent":
@@ -100,8 +100,9 @@ class Descent:
         ----------
         start : SearchStart
             Where that is.
-        count : int
-            Number of values that were measured, which noise alone leaves the residual's square at.
+        count : float
+            Number of values that were measured, which noise alone leaves the residual's square at;
+            infinite where their deviations count as they are, whatever is left.
         seen : Linearisation
             There.
         settings : SearchSettings

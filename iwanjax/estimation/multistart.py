@@ -20,8 +20,8 @@ class GroupedResiduals(Protocol):
     """
 
     @property
-    def count(self) -> int:
-        """Number of values that were measured."""
+    def count(self) -> float:
+        """Number of values that were measured; infinite where their deviations are certain."""
         ...
 
     def residuals(self, points: Sequence[tuple[Any, np.ndarray]]) -> list[np.ndarray]:

@@ -28,6 +28,8 @@ SHORT_TIME_CONSTANT = 2.0
 # recording from an even change, in prior deviations: a soft hit tells nothing of macroslip, and
 # what it leaves open is on the line.
 _DRIFT, _UNEVEN = 2.0, 0.1
+# Memories with which the state of a decay is estimated, cycles, and steps with each.
+_OF_DECAYS, _STEPS_OF_DECAYS = (8.0, 40.0, math.inf), 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,16 +121,17 @@ class _Innovations:
 
     problem: HistoryProblem
     time_constant: float
-
-    @property
-    def count(self) -> int:
-        return values_measured(self.problem)
+    count: float
 
     def residuals(self, points: Sequence[tuple[Hypothesis, np.ndarray]]) -> list[np.ndarray]:
         return residuals_at(self.problem, points, self.time_constant)
 
     def linearise(self, points: Sequence[tuple[Hypothesis, np.ndarray]]) -> list[Linearisation]:
         return linearise(self.problem, points, self.time_constant)
+
+
+def _innovations(problem: HistoryProblem, time_constant: float) -> _Innovations:
+    return _Innovations(problem, time_constant, values_measured(problem))
 
 
 def laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray]:
@@ -205,7 +208,7 @@ def foreseen(problem: HistoryProblem, starts: Sequence[Start], time_constant: fl
         Infinite where the model breaks down.
     """
     own = [_search_start(problem, start) for start in starts]
-    return [each.foreseen for each in searches.begun(_Innovations(problem, time_constant), own)]
+    return [each.foreseen for each in searches.begun(_innovations(problem, time_constant), own)]
 
 
 def multistart(
@@ -251,7 +254,7 @@ def multistart(
         One for each start.
     """
     found = searches.multistart(
-        _Innovations(problem, time_constant),
+        _innovations(problem, time_constant),
         [_search_start(problem, start) for start in starts],
         steps,
         tolerance=tolerance,
@@ -281,10 +284,50 @@ def moved(problem: HistoryProblem, fitted: HypothesisFit, change: np.ndarray) ->
     start = _search_start(problem, fitted.start)
     there = fitted.x.copy()
     there[: len(change)] += change
-    residuals = _Innovations(problem, fitted.time_constant)
+    residuals = _innovations(problem, fitted.time_constant)
     (descent,) = searches.begun(residuals, [start._replace(x=there)])
     descent.converged = fitted.converged
     return _fitted(problem, fitted.hypothesis, descent.solution(), fitted.time_constant)
+
+
+def with_states_of_decays(
+    problem: HistoryProblem, hypothesis: Hypothesis, rows: np.ndarray, decays: np.ndarray
+) -> np.ndarray:
+    """Values with the states in which free decays began, by the decays themselves.
+
+    The deviations of the measurement count as they are, however little the model explains: what
+    is looked for is the best that it can do from any state.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Predictor and the decays.
+    hypothesis : Hypothesis
+        What is missing.
+    rows : (recordings, values) array
+        Values of each recording, errors of the state last.
+    decays : (recordings,) array of bool
+        Which of them are free decays.
+
+    Returns
+    -------
+    (recordings, values) array
+        Those of other recordings as they are.
+    """
+    R, V = rows.shape
+    free = [(r, i) for r in np.flatnonzero(decays) for i in range(V - problem.directions, V)]
+    T = np.zeros((R, V, len(free)))
+    base = rows.copy()
+    for k, (r, i) in enumerate(free):
+        T[r, i, k], base[r, i] = 1.0, 0.0
+    layout = Layout(base, T, np.ones(len(free)))
+    x = np.array([rows[r, i] for r, i in free])
+    for time_constant in _OF_DECAYS:
+        residuals = _Innovations(problem, time_constant, math.inf)
+        start = SearchStart(layout, x, hypothesis)
+        (found,) = searches.multistart(residuals, [start], _STEPS_OF_DECAYS)
+        x = found.x
+    return layout.values(x)
 
 
 def _fitted(

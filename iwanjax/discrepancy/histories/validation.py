@@ -12,7 +12,7 @@ from iwanjax.discrepancy.histories.conditioning import ConditionedRecordings
 from iwanjax.discrepancy.histories.likelihood import covariance
 from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
 from iwanjax.discrepancy.histories.macroslip import Alternative
-from iwanjax.discrepancy.histories.multistart import HypothesisFit
+from iwanjax.discrepancy.histories.multistart import HypothesisFit, with_states_of_decays
 from iwanjax.discrepancy.histories.problem import (
     HistoryProblem,
     drifting_values,
@@ -24,9 +24,6 @@ from iwanjax.discrepancy.histories.ranking import RankedFit, doubted, missing, r
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.judgement import worse
 from iwanjax.signals.comparison_band import OF_NOISE
-
-# Memories with which the state of a decay is estimated, one step of Gauss and Newton each.
-_TIME_CONSTANTS = (8.0, 8.0, 40.0, math.inf, math.inf)
 
 
 class FreeRun(NamedTuple):
@@ -168,7 +165,7 @@ def _free(
     safe = np.where(weight > 0, weight, np.inf)
     decays = np.asarray(those.data.kick)[:, 0] > 0
     if np.any(decays):
-        rows = _released(here, fitted, rows, decays)
+        rows = with_states_of_decays(here, fitted.hypothesis, rows, decays)
     (seen,) = linearise(here, [(fitted.hypothesis, rows)], math.inf)
     left = (OF_NOISE * those.noise[:, None, :]) ** 2
     own = np.sum(np.where(weight > 0, left, 0.0), axis=(1, 2))
@@ -191,22 +188,6 @@ def _free(
         unsure = unsure + each.weight * np.sum(change**2, axis=(1, 2))
     error, measured = seen.residual[:count] / safe, np.where(weight > 0, y, 0.0)
     return FreeRun(those.names, error, measured, own, scatter, unsure)
-
-
-def _released(
-    problem: HistoryProblem, fitted: HypothesisFit, rows: np.ndarray, decays: np.ndarray
-) -> np.ndarray:
-    """Values with the states in which free decays began, by the decays themselves."""
-    rows = rows.copy()
-    for time_constant in _TIME_CONSTANTS:
-        (seen,) = linearise(problem, [(fitted.hypothesis, rows)], time_constant)
-        J = np.asarray(seen.slopes)[:, fitted.values :].reshape(len(rows), problem.directions, -1)
-        off, state = seen.residual.reshape(len(rows), -1), rows[:, fitted.values :]
-        downhill = np.einsum("rin,rn->ri", J, off) + state
-        normal = np.einsum("rin,rjn->rij", J, J) + np.eye(problem.directions)
-        step = np.linalg.solve(normal, downhill[..., None])[..., 0]
-        rows[:, fitted.values :] -= np.where(decays[:, None], step, 0.0)
-    return rows
 
 
 def _open(
