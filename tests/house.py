@@ -35,7 +35,7 @@ MODULES = {
     "config": 19,
     "discrepancy": 51,
     "dynamics": 15,
-    "estimation": 12,
+    "estimation": 13,
     "files": 6,
     "plotting": 16,
     "quasistatic": 9,

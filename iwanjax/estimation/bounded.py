@@ -11,6 +11,7 @@ from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Chart
 from iwanjax.estimation.problem import AbstractLeastSquares, LeastSquaresSolution
 from iwanjax.estimation.settings import SEARCH, SearchSettings
+from iwanjax.estimation.transforms import share_of
 
 
 def resting(
@@ -148,8 +149,9 @@ def _to_box(chart: Chart, theta: Float[Array, " parameters"]) -> Float[Array, " 
     """Free variables, those between two bounds as shares of their range."""
     free = np.array(chart.free)
     lower = chart.lower[free]
-    share = (theta[free] - lower) / jnp.where(_boxed(chart), chart.upper[free] - lower, 1.0)
-    return jnp.where(_boxed(chart), jnp.clip(share, 1e-6, 1.0 - 1e-6), chart.to_variables(theta))
+    upper = jnp.where(_boxed(chart), chart.upper[free], lower + 1.0)
+    share = share_of(theta[free], lower, upper)
+    return jnp.where(_boxed(chart), share, chart.to_variables(theta))
 
 
 def _from_box(chart: Chart, y: Float[Array, " free"]) -> Float[Array, " parameters"]:

@@ -97,9 +97,12 @@ def multistart(
         if step >= settings.head_start:
             best = min(best, *(descent.cost for descent in descents))
             within = give_up if step < settings.late else math.sqrt(give_up)
+            # Not by a product alone: infinity times a cost of zero is no number.
+            limit = within * best if math.isfinite(give_up) else math.inf
             for place, descent in enumerate(sorted(descents, key=lambda each: each.cost)):
                 ahead = at_most is None or place < at_most
-                descent.active = descent.active and ahead and descent.cost < within * best
+                near = math.isfinite(descent.cost) and descent.cost <= limit
+                descent.active = descent.active and ahead and near
             _merge(descents, settings)
         stale = [descent for descent in descents if descent.active and descent.stale]
         seen = residuals.linearise([descent.point for descent in stale])

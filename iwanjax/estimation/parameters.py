@@ -4,23 +4,17 @@ import math
 import numbers
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
 from iwanjax.estimation.priors import AbstractPrior
+from iwanjax.estimation.transforms import Transform, to_value, to_variable
 from iwanjax.files import nearest
 from iwanjax.types import real
-
-Transform = Literal["log", "logit", "identity"]
-
-# How near to a bound a variable may start, as share of the range.
-_INSIDE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -120,25 +114,15 @@ class Chart(eqx.Module):
         """Parameter values of the free variables."""
         values = list(self.value)
         for i, each in zip(self.free, z, strict=True):
-            values[i] = each
-            if self.transforms[i] == "log":
-                values[i] = self.lower[i] + jnp.exp(each)
-            elif self.transforms[i] == "logit":
-                values[i] = self.lower[i] + (self.upper[i] - self.lower[i]) * jax.nn.sigmoid(each)
+            values[i] = to_value(self.transforms[i], each, self.lower[i], self.upper[i])
         return jnp.stack(values) if values else self.value
 
     def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
         """Free variables of parameter values, those on a bound pulled a hair inside."""
-        z = []
-        for i in self.free:
-            z.append(theta[i])
-            if self.transforms[i] == "log":
-                above = theta[i] - self.lower[i]
-                z[-1] = jnp.log(jnp.maximum(above, jnp.finfo(theta.dtype).tiny))
-            elif self.transforms[i] == "logit":
-                share = (theta[i] - self.lower[i]) / (self.upper[i] - self.lower[i])
-                share = jnp.clip(share, _INSIDE, 1.0 - _INSIDE)
-                z[-1] = jnp.log(share / (1.0 - share))
+        z = [
+            to_variable(self.transforms[i], theta[i], self.lower[i], self.upper[i])
+            for i in self.free
+        ]
         return jnp.stack(z) if z else jnp.zeros(0)
 
 

@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
-from iwanjax.estimation.parameters import Chart, Parameter, Transform
+from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.estimation.priors import AbstractPrior, LogNormal, Normal, Uniform
+from iwanjax.estimation.transforms import Transform
 from iwanjax.joints import AbstractJoint, ParameterInfo
 from iwanjax.joints.iwan import AbstractIwan, phi_max_of
 from iwanjax.joints.iwan5 import Iwan5, ring_down_share

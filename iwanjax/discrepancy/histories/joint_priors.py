@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.estimation.transforms import share_of, to_value, to_variable
 from iwanjax.joints import AbstractJoint, ParameterInfo
 from iwanjax.types import Scalar
 
@@ -18,9 +19,8 @@ _DEVIATIONS = {"force": 0.5, "force/length": 0.1, "1": 0.6}
 _OTHERWISE, _OF_EXPONENTS = 0.5, 0.2
 # Least value of a ratio that a logarithm is taken of.
 _SMALLEST = 1e-3
-# Distance from a bound, as a share of the range, that a given value is taken to have at least, and
-# one that is looked for.
-_LEAST, _BORDER = 0.02, 1e-6
+# Distance from a bound, as a share of the range, that a given value is taken to have at least.
+_LEAST = 0.02
 
 
 class Joint(eqx.Module):
@@ -52,49 +52,41 @@ def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:
     for i, info in enumerate(joint.given.parameters):
         if info.name not in values:
             continue
-        given, value = float(getattr(joint.given, info.name)), values[info.name]
-        if info.transform == "log":
-            z[i] = math.log(value / given) / _of_logarithm(info)
-        elif info.transform == "logit":
-            z[i] = (_logit(info, value, _BORDER) - _logit(info, given)) / _of_logit(info, given)
-        else:
-            z[i] = value / given - 1.0
+        given = float(getattr(joint.given, info.name))
+        there = to_variable(info.transform, values[info.name], *_bounds(info))
+        z[i] = (there - _origin(info, given)) / _deviation(info, given)
         z[i] /= float(np.asarray(joint.loose)[i])
     return z
 
 
-def _moved(info: ParameterInfo, value: Array, z: Array) -> Array:
+def _moved(info: ParameterInfo, value: Scalar, z: Scalar) -> Scalar:
     """A parameter by z deviations: in its logarithm, its logit within bounds, or as it is."""
-    if info.transform == "log":
-        least = _SMALLEST if info.dimension == "1" else 0.0
-        return jnp.maximum(value, least) * jnp.exp(_of_logarithm(info) * z)
+    there = _origin(info, value) + _deviation(info, value) * z
+    return to_value(info.transform, there, *_bounds(info))
+
+
+def _bounds(info: ParameterInfo) -> tuple[float, float]:
     if info.transform == "logit":
-        low, high = info.usual or (info.lower, info.upper)
-        moved = _logit(info, value) + _of_logit(info, value) * z
-        return low + (high - low) * jax.nn.sigmoid(moved)
-    return value + z * jnp.abs(value)
+        return info.usual or (info.lower, info.upper)
+    return 0.0, math.inf
 
 
-def _of_logarithm(info: ParameterInfo) -> float:
-    """Prior deviation of a parameter's logarithm."""
-    return _DEVIATIONS.get(info.dimension, _OTHERWISE)
+def _origin(info: ParameterInfo, value: Scalar) -> Scalar:
+    """The variable of a value that is given, far enough from its bounds to be moved."""
+    if info.transform == "log" and info.dimension == "1":
+        value = jnp.maximum(value, _SMALLEST)
+    return to_variable(info.transform, value, *_bounds(info), inside=_LEAST)
 
 
-def _share(info: ParameterInfo, value: Scalar, least: float = _LEAST) -> Scalar:
-    low, high = info.usual or (info.lower, info.upper)
-    return jnp.clip((value - low) / (high - low), least, 1.0 - least)
-
-
-def _logit(info: ParameterInfo, value: Scalar, least: float = _LEAST) -> Scalar:
-    share = _share(info, value, least)
-    return jnp.log(share / (1.0 - share))
-
-
-def _of_logit(info: ParameterInfo, value: Scalar) -> Scalar:
-    """Prior deviation of a parameter's logit."""
-    low, high = info.usual or (info.lower, info.upper)
-    share = _share(info, value)
-    return _OF_EXPONENTS / ((high - low) * share * (1.0 - share))
+def _deviation(info: ParameterInfo, value: Scalar) -> Scalar:
+    """Prior deviation of the variable about a value that is given."""
+    if info.transform == "log":
+        return _DEVIATIONS.get(info.dimension, _OTHERWISE)
+    if info.transform == "logit":
+        low, high = _bounds(info)
+        share = share_of(value, low, high, _LEAST)
+        return _OF_EXPONENTS / ((high - low) * share * (1.0 - share))
+    return jnp.abs(value)
 
 
 def joints_at(joints: tuple[Joint, ...], z: Array) -> tuple[AbstractJoint, ...]:
