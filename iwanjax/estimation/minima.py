@@ -7,6 +7,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from iwanjax.estimation.evidence import shares
 from iwanjax.estimation.parameters import Parameter
 
 # What a logarithm takes zero for, over the value at the best minimum.
@@ -116,9 +117,7 @@ def mixture(
         log_weight.append(
             prior + np.sum(np.log(units)) - 0.5 * each.cost / m2 + np.sum(np.log(inverse))
         )
-    log_weight = np.array(log_weight)
-    weight = np.exp(log_weight - log_weight.max())
-    weight /= weight.sum()
+    weight = shares(np.array(log_weight))
     _, singular, rows = np.linalg.svd(kept[0][2], full_matrices=False)
     offsets = np.stack([off for _, off, *_ in kept])
     covariance = np.einsum("k,kij->ij", weight, np.stack(covariances))
