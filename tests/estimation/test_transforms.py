@@ -30,7 +30,8 @@ def test_a_value_has_the_variable_that_it_came_from(z, lower, width):
 def test_no_variable_leads_out_of_the_bounds(z, lower, width):
     assert float(to_value("log", z, lower, math.inf)) >= lower
     between = float(to_value("logit", z, lower, lower + width))
-    assert lower <= between <= (lower + width) * (1.0 + 1e-15) + 1e-12
+    rounded = np.finfo(float).eps * (abs(lower) + width)
+    assert lower <= between <= lower + width + rounded
 
 
 @pytest.mark.parametrize(("transform", "slope"), [("log", 2.0), ("logit", 3.0 * 0.24)])

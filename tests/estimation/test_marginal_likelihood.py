@@ -12,7 +12,7 @@ import pytest
 import scipy.linalg
 import scipy.stats
 
-from iwanjax.discrepancy.evidence import (
+from iwanjax.estimation.evidence import (
     correlation_time,
     linearised,
     log_evidence,
