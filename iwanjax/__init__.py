@@ -46,14 +46,7 @@ from iwanjax.structures import (
 )
 
 if TYPE_CHECKING:
-    from iwanjax.discrepancy import (
-        Diagnosis,
-        ModeComparison,
-        compare_modes,
-        diagnose,
-    )
-    from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
-    from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes
+    from iwanjax.discrepancy import Diagnosis, ModeComparison, compare_modes
     from iwanjax.dynamics import (
         Energies,
         HarmonicResponse,
@@ -116,6 +109,7 @@ if TYPE_CHECKING:
     from iwanjax.structures.reduced_model import ReducedModel
     from iwanjax.structures.reduction import craig_bampton
     from iwanjax.studies import Measurement, Study, as_recording, load_study
+    from iwanjax.studies.dispatch import diagnose
     from iwanjax.updating import (
         Exponents,
         FitSolution,
@@ -140,12 +134,9 @@ _LATER = {
     "Study": "iwanjax.studies",
     "as_recording": "iwanjax.studies",
     "load_study": "iwanjax.studies",
+    "diagnose": "iwanjax.studies.dispatch",
     "Diagnosis": "iwanjax.discrepancy",
     "ModeComparison": "iwanjax.discrepancy",
-    "diagnose": "iwanjax.discrepancy",
-    "diagnose_curves": "iwanjax.discrepancy.steady.diagnose_joint",
-    "diagnose_loops": "iwanjax.discrepancy.steady.diagnose_joint",
-    "diagnose_modes": "iwanjax.discrepancy.steady.diagnose_modes",
     "compare_modes": "iwanjax.discrepancy",
     "Energies": "iwanjax.dynamics",
     "HarmonicResponse": "iwanjax.dynamics",
@@ -290,9 +281,6 @@ __all__ = [
     "craig_bampton",
     "curves_from_force_control",
     "diagnose",
-    "diagnose_curves",
-    "diagnose_loops",
-    "diagnose_modes",
     "fit",
     "frame",
     "free_exponents",

@@ -16,7 +16,7 @@ from iwanjax.discrepancy.effects import (
     catalogue,
 )
 from iwanjax.discrepancy.findings import Suspect
-from iwanjax.discrepancy.histories.diagnose import diagnose
+from iwanjax.discrepancy.histories.diagnose import diagnose_histories
 from iwanjax.discrepancy.histories.recordings import StudyRecording
 from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
@@ -36,5 +36,5 @@ __all__ = [
     "Suspect",
     "catalogue",
     "compare_modes",
-    "diagnose",
+    "diagnose_histories",
 ]

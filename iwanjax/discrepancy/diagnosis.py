@@ -21,11 +21,11 @@ from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
 from iwanjax.tables import Block, without_empty_columns
 
-# Probability of something else from which on it is told.
-_TOLD = 0.05
+# Probability of something else from which on the report mentions it.
+_MENTIONED = 0.05
 # Probability below which an explanation is called excluded.
 _EXCLUDED = 1e-3
-# What noise exceeds in one case of twenty over what it leaves, from which on both are told.
+# What noise exceeds in one case of twenty over what it leaves, from which on the report names both.
 _OFTEN = 1.15
 # Rivals that a summary lists.
 _LISTED = 6
@@ -131,7 +131,7 @@ class Diagnosis(AbstractResult):
         first = self.what[0]
         return (first, *(each for each in self.what[1:] if each.label in first.joint_with))
 
-    def told(self) -> "Report":
+    def report(self) -> "Report":
         """The verdict in plain sentences, part by part."""
         by_name = {
             "nothing_missing": self._nothing,
@@ -143,7 +143,7 @@ class Diagnosis(AbstractResult):
 
     def statement(self) -> str:
         """All of it: the verdict first, then the improvement, the doubt, what to measure next."""
-        *parts, following = self.told()
+        *parts, following = self.report()
         return " ".join(filter(None, (*parts, _measure_next(following))))
 
     @property
@@ -215,36 +215,36 @@ class Diagnosis(AbstractResult):
         return [f"The best of what was tried, {best}, leaves {after} of {before}"]
 
     def _doubt(self) -> list[str]:
-        told = []
+        doubts = []
         for each in self.found:
             rivals = [b for a, b in self.indistinguishable if a == each.label]
             if rivals:
-                told.append(f"These data cannot tell {each.label} from {', '.join(rivals)}")
+                doubts.append(f"These data cannot tell {each.label} from {', '.join(rivals)}")
         others = [each for each in self.what if each not in self.found]
-        if self.verdict.found and others and not told:
+        if self.verdict.found and others and not doubts:
             next_best = noun(others[0].kind, others[0].where)
             likely = f"has a probability of {others[0].probability:.2g}"
             out = others[0].probability < _EXCLUDED
-            told.append(
+            doubts.append(
                 f"The next best explanation, {next_best}, {'is excluded' if out else likely}"
             )
-        if self.verdict.found and self.probability_something_else > _TOLD:
-            told.append(
+        if self.verdict.found and self.probability_something_else > _MENTIONED:
+            doubts.append(
                 f"The probability that it is something else is "
                 f"{self.probability_something_else:.2f}"
             )
-        told += map(_refusal, self.refused)
+        doubts += map(_refusal, self.refused)
         spread = self.parameter_spread.hold_out
         if spread > self.noise_floor.hold_out:
-            told.append(
+            doubts.append(
                 f"What the fitted recordings leave open of the parameters moves the held-out ones "
                 f"by about {share(spread)} more"
             )
-        told += self.warnings
-        told += [f"This part is missing: {each}" for each in self.failures]
+        doubts += self.warnings
+        doubts += [f"This part is missing: {each}" for each in self.failures]
         if not self.complete:
-            told.append("The time given was too short to finish; this is so far")
-        return told
+            doubts.append("The time given was too short to finish; this is so far")
+        return doubts
 
     def _next(self) -> list[str]:
         """What to measure next, by what is open."""
@@ -273,7 +273,7 @@ class Diagnosis(AbstractResult):
         return ["Harder hits; beyond these amplitudes nothing is known"]
 
     def _blocks(self) -> tuple[Block, ...]:
-        told = self.told()
+        report = self.report()
         suspects = [
             (
                 noun(each.kind, each.where),
@@ -294,7 +294,7 @@ class Diagnosis(AbstractResult):
         header = ("what may be missing", "probability", "parameters", "together with")
         tables = [without_empty_columns(header, suspects)] if suspects else []
         tables.append(without_empty_columns(("error", "fitted", "held out"), errors))
-        return told.verdict, *tables, *filter(None, (told.doubt, _measure_next(told.next)))
+        return report.verdict, *tables, *filter(None, (report.doubt, _measure_next(report.next)))
 
 
 class Report(NamedTuple):

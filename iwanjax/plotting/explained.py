@@ -30,7 +30,7 @@ def plot_explained(diagnosis: Diagnosis) -> Figure:
     Parameters
     ----------
     diagnosis : Diagnosis
-        Result of :func:`iwanjax.diagnose_curves` or :func:`iwanjax.diagnose_modes`.
+        Result of :func:`iwanjax.diagnose` by curves.
 
     Returns
     -------

@@ -28,7 +28,7 @@ def plot_loops(diagnosis: Diagnosis, *, length_unit: str = "m", force_unit: str 
     Parameters
     ----------
     diagnosis : Diagnosis
-        Result of :func:`iwanjax.diagnose_loops`.
+        Result of :func:`iwanjax.diagnose` of a joint.
     length_unit, force_unit : str
         For the labels.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.curves import QUANTITIES, ModalCurves
-from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose
+from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose_histories
 from iwanjax.discrepancy.steady.cycle import InteractingMode
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
@@ -33,8 +33,7 @@ def diagnosed(study: StudySetup, budget: float | None, progress: Progress) -> di
     Raises
     ------
     InputError
-        As :func:`iwanjax.diagnose`, :func:`iwanjax.diagnose_modes`,
-        :func:`iwanjax.diagnose_loops` and :func:`iwanjax.diagnose_curves`.
+        As :func:`iwanjax.diagnose`.
     """
     limit = budget if budget is not None else study.budget
     seconds = math.inf if limit is None else limit
@@ -44,19 +43,21 @@ def diagnosed(study: StudySetup, budget: float | None, progress: Progress) -> di
     transient = any(entry.kind in _HISTORIES for entry in study.recordings)
     curves = any(entry.kind == "curves" for entry in study.recordings)
     share = seconds / (len(looped) + transient + curves or 1)
-    found = {label: _joint(study, label, share, progress) for label in looped if label is not None}
+    verdicts = {
+        label: _joint(study, label, share, progress) for label in looped if label is not None
+    }
     if curves:
-        found[f"{study.name}, its modes" if transient else study.name] = _by_curves(
+        verdicts[f"{study.name}, its modes" if transient else study.name] = _by_curves(
             study, share, progress
         )
-    if transient or not found:
-        found[study.name] = _structure(study, share, progress)
-    return found
+    if transient or not verdicts:
+        verdicts[study.name] = _structure(study, share, progress)
+    return verdicts
 
 
 def _modes(study: StudySetup, budget: float, progress: Progress) -> dict[str, Diagnosis]:
     """Each mode by the curves of its recordings."""
-    found = {}
+    verdicts = {}
     modes = measured_modes(study)
     names = [modal.name for modal in study.modal]
     for mode in modes:
@@ -65,41 +66,40 @@ def _modes(study: StudySetup, budget: float, progress: Progress) -> dict[str, Di
         others = [hit.curves for hit in mode.held_out]
         if mode.merged is not None:
             others = [mode.merged.weighted(each) for each in others]
-        held_out = of_one_quantity([curves[0], *others])[1:]
-        found[mode.name] = diagnose_curves(
+        verdicts[mode.name] = diagnose_curves(
             kind,
             curves,
-            held_out,
+            of_one_quantity([curves[0], *others])[1:],
             study.parameters(mode.name, modal_parameters(kind, curves)),
             name=mode.name,
             mode=names.index(mode.name),
-            interacting_modes=[_companion(mode, other) for other in modes if other is not mode],
-            own=of_one_quantity([curves[0], *(hit.curves for hit in (*mode.hits, *mode.held_out))])[
-                1:
-            ],
+            interacting_modes=[_interacting(mode, other) for other in modes if other is not mode],
+            estimator_curves=of_one_quantity(
+                [curves[0], *(hit.curves for hit in (*mode.hits, *mode.held_out))]
+            )[1:],
             hypotheses=study.hypotheses,
             starts=study.fit.starts,
             seed=study.seed,
             budget=budget / len(modes),
             progress=progress,
         )
-    return found
+    return verdicts
 
 
-def _companion(mode: MeasuredMode, other: MeasuredMode) -> InteractingMode:
+def _interacting(mode: MeasuredMode, other: MeasuredMode) -> InteractingMode:
     """What another mode did in the recordings of one; nothing where that was not measured."""
     there = {hit.name: hit for hit in (*other.hits, *other.held_out)}
     f = float(np.mean(np.concatenate([np.asarray(hit.curves.frequency) for hit in other.hits])))
-    found = []
+    amplitudes = []
     for hit in (*mode.hits, *mode.held_out):
         with_it = there.get(hit.name)
         if hit.ringdown is None or with_it is None or with_it.ringdown is None:
-            found.append(np.zeros(hit.curves.amplitude.size))
+            amplitudes.append(np.zeros(hit.curves.amplitude.size))
             continue
         known = with_it.ringdown
         envelope = np.interp(hit.ringdown.time, known.signal_time, known.envelope)
-        found.append(envelope / (2.0 * math.pi * f) ** QUANTITIES[known.curves.quantity])
-    return InteractingMode(other.name, f, tuple(found))
+        amplitudes.append(envelope / (2.0 * math.pi * f) ** QUANTITIES[known.curves.quantity])
+    return InteractingMode(other.name, f, tuple(amplitudes))
 
 
 def _joint(study: StudySetup, label: str, budget: float, progress: Progress) -> Diagnosis:
@@ -159,7 +159,7 @@ def _by_curves(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
         curves,
         held_out,
         study.parameters(None, known),
-        places=model.rows,
+        rows=model.rows,
         groups=groups,
         reference=study.fit.reference or "absolute",
         hypotheses=study.hypotheses,
@@ -180,18 +180,18 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
         raise InputError(
             f"{study.label}: diagnose needs a model with named rows, sensors and inputs"
         )
-    found = [
+    measured = [
         (entry, name, recording)
         for entry in study.recordings
         if entry.kind in _HISTORIES
         for name, recording in recordings_of(entry)
     ]
-    if not found:
+    if not measured:
         raise InputError(
             f"{study.label}: no recordings of kind transient, free_decay, curves or loop; diagnose "
             "needs time histories, curves of modes, or loops of joints"
         )
-    sensors, quantity, rate = _common(study, [recording for _, _, recording in found])
+    sensors, quantity, rate = _common(study, [recording for _, _, recording in measured])
     transients = [
         StudyRecording(
             name,
@@ -199,18 +199,18 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
             None if entry.kind == "free_decay" else _forces(study, recording, entry.place),
             entry.use,
         )
-        for entry, name, recording in found
+        for entry, name, recording in measured
     ]
-    return diagnose(
+    return diagnose_histories(
         structure,
         transients,
         rate,
-        places=model.rows,
-        inputs=np.stack(list(model.inputs.values())),
+        rows=model.rows,
         sensors={name: model.sensors[name] for name in sensors},
+        inputs=model.inputs,
         quantity=quantity,
         hypotheses=study.hypotheses,
-        noise=[study.noise.get(name, math.nan) for name in sensors],
+        noise=study.noise,
         budget=budget,
         seed=study.seed,
         progress=progress,

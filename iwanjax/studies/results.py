@@ -77,19 +77,19 @@ class StudyResults(AbstractResult, Mapping[str, T], Generic[T]):
         return next(iter(self.by_name.values()))
 
     def _blocks(self) -> tuple[Block, ...]:
-        return tuple(block for name, each in self.items() for block in _told(name, each))
+        return tuple(block for name, each in self.items() for block in _blocks_of(name, each))
 
     def __repr__(self) -> str:
         kinds = ", ".join(f"{name}: {type(each).__name__}" for name, each in self.by_name.items())
         return f"StudyResults({kinds})"
 
 
-def _told(name: str, result: Any) -> tuple[Block, ...]:
-    """What a result says of itself, under its name."""
+def _blocks_of(name: str, result: Any) -> tuple[Block, ...]:
+    """A result's summary, under its name."""
     if isinstance(result, AbstractResult):
         return under_name(name, result._blocks())
-    tell = getattr(result, "statement", None)
-    return under_name(name, (repr(result) if tell is None else tell(),))
+    statement = getattr(result, "statement", None)
+    return under_name(name, (repr(result) if statement is None else statement(),))
 
 
 def under_name(name: str, blocks: tuple[Block, ...]) -> tuple[Block, ...]:

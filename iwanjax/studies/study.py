@@ -34,7 +34,7 @@ _SIMULATE = (
 )
 
 
-def _silent(line: str) -> None:
+def silent(line: str) -> None:
     """Progress that nobody asked for."""
 
 
@@ -261,12 +261,12 @@ class Study:
         cases = StudyResults({case.name: case for case in self.setup.simulate})
         if not cases:
             raise InputError(f"{self.setup.label}: {_SIMULATE}")
-        found, seconds = {}, {}
+        responses, seconds = {}, {}
         for name in names or cases:
             start = time.perf_counter()
-            found[name] = simulated(cases[name])
+            responses[name] = simulated(cases[name])
             seconds[name] = time.perf_counter() - start
-        return StudyResults(found, seconds)
+        return StudyResults(responses, seconds)
 
     def qsma(self) -> "QsmaSolution":
         """Frequency and damping of each mode of the ``qsma`` section, from the model.
@@ -291,7 +291,7 @@ class Study:
         )
 
     def diagnose(
-        self, *, budget: float | None = None, progress: Callable[[str], None] = _silent
+        self, *, budget: float | None = None, progress: Callable[[str], None] = silent
     ) -> StudyResults["Diagnosis"]:
         """What the model is missing, by all that was measured.
 
@@ -303,7 +303,7 @@ class Study:
         budget : float, optional
             Time to spend, s; the study's own by default.
         progress : function
-            Told of every stage, in a line.
+            Receives a line at every stage.
 
         Returns
         -------
@@ -313,8 +313,7 @@ class Study:
         Raises
         ------
         InputError
-            As :func:`iwanjax.diagnose`, :func:`iwanjax.diagnose_modes`,
-            :func:`iwanjax.diagnose_loops` and :func:`iwanjax.diagnose_curves`.
+            As :func:`iwanjax.diagnose`.
         """
         from iwanjax.studies.diagnoses import diagnosed
 

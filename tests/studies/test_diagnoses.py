@@ -1,14 +1,18 @@
 """A study diagnoses by whatever it was given: the same verdicts as the function of each kind."""
 
+import math
+import re
+
 import numpy as np
 import pytest
 from discrepancy.histories import forced_oscillator as forced
 from numpy.testing import assert_allclose
 
 import iwanjax as ij
-from iwanjax.discrepancy import StudyRecording
+from iwanjax.discrepancy import StudyRecording, diagnose_histories
 
 CUBIC = ("cubic_stiffness",)
+JENKINS = ij.Jenkins(F_S=1.0, K_T=1.0)
 STIFF = ij.LinearSpring(k=0.2 * forced.STIFFNESS)
 
 
@@ -22,7 +26,7 @@ def oscillator():
 @pytest.fixture(scope="module")
 def histories():
     said: list[str] = []
-    measured = [(forced.recording(900, level, seed)) for level, seed in ((400.0, 1), (400.0, 2))]
+    measured = [forced.recording(900, 400.0, seed) for seed in (1, 2)]
     uses = ("fit", "hold_out")
     recordings = [
         ij.Measurement(
@@ -42,13 +46,13 @@ def histories():
         hypotheses=CUBIC,
         name="driven",
     )
-    expected = ij.diagnose(
+    expected = diagnose_histories(
         oscillator(),
         [StudyRecording(use, x, f, use) for (x, f), use in zip(measured, uses, strict=True)],
         forced.RATE,
-        places={"spring": forced.ROW},
-        inputs=[forced.ROW],
+        rows={"spring": forced.ROW},
         sensors={"d": forced.ROW},
+        inputs={"f": forced.ROW},
         quantity="displacement",
         hypotheses=CUBIC,
     )
@@ -73,20 +77,17 @@ def test_a_verdict_is_told_under_its_name(histories):
 
 
 def test_loops_judge_a_joint(monkeypatch):
-    d = np.concatenate([np.linspace(0, 3, 40), np.linspace(3, -3, 80), np.linspace(-3, 3, 80)])
-    joint = ij.Jenkins(F_S=1.0, K_T=1.0)
-    force = np.asarray(ij.hysteresis(joint, d))
-    loops = [ij.ForceLoop(scale * d, scale * force, f"l{scale}") for scale in (1.0, 2.0)]
+    loops = [loop_of(scale) for scale in (1.0, 2.0)]
     called = watched(monkeypatch, "diagnose_loops")
     study = ij.Study(
-        ij.three_mass(joint=joint),
+        ij.three_mass(joint=JENKINS),
         [loops[0], ij.Measurement(loops[1], use="hold_out", joint="J1")],
         hypotheses=CUBIC,
         budget=60.0,
     )
     assert dict(study.diagnose()) == {"J1": "verdict"}
     (arguments, options) = called
-    assert arguments[0] == joint
+    assert arguments[0] == JENKINS
     assert (arguments[1], arguments[2]) == ([loops[0]], [loops[1]])
     assert set(arguments[3]) == {"J1.F_S", "J1.K_T"}
     assert (options["hypotheses"], options["budget"], options["name"]) == (CUBIC, 60.0, "J1")
@@ -105,7 +106,7 @@ def test_curves_judge_the_modes_of_a_structure(monkeypatch):
     arguments, options = called
     assert arguments[1] == {1: curves[0]}
     assert arguments[2] == {1: [curves[1]]}
-    assert list(options["places"]) == ["J1", "m3"]
+    assert list(options["rows"]) == ["J1", "m3"]
     assert (options["seed"], options["budget"]) == (3, 5.0)
 
 
@@ -124,13 +125,111 @@ def test_curves_judge_a_single_mode(monkeypatch):
     assert (options["name"], options["mode"]) == ("m", 0)
 
 
+def test_the_function_takes_a_study(monkeypatch):
+    called = watched(monkeypatch, "diagnose_loops")
+    study = ij.Study(ij.three_mass(joint=JENKINS), loop_of(1.0))
+    assert dict(ij.diagnose(study, budget=3.0)) == {"J1": "verdict"}
+    assert called[1]["budget"] == 3.0
+
+
+def test_the_function_takes_a_structure_and_recordings(monkeypatch):
+    """Responses of sensors and forces at inputs, and free decays; two ways to hold one out."""
+    called = watched(monkeypatch, "diagnose_histories")
+    x, f = forced.recording(900, 400.0, 1)
+    words = {"sampling_rate": forced.RATE, "sensors": "d", "quantity": "displacement"}
+    hit = ij.as_recording(x, f, inputs="f", name="hit", **words)
+    decay = ij.as_recording(x, name="decay", **words)
+    answer = ij.diagnose(
+        oscillator(),
+        [hit, ij.Measurement(decay, use="hold_out", start=0.1)],
+        hold_out=hit,
+        rows={"mass": forced.ROW},
+        sensors={"d": forced.ROW},
+        inputs={"f": forced.ROW},
+        hypotheses=["cubic_stiffness"],
+        noise={"d": 1e-3},
+        seed=4,
+    )
+    assert answer == "verdict"
+    (_, recordings, rate), options = called
+    assert rate == forced.RATE
+    assert [each.use for each in recordings] == ["fit", "hold_out", "hold_out"]
+    assert_allclose(recordings[0].force, f)
+    assert recordings[1].force is None
+    assert list(options["rows"]) == ["spring", "mass"]
+    assert (options["hypotheses"], options["noise"]) == (CUBIC, {"d": 1e-3})
+    assert (options["seed"], options["budget"]) == (4, math.inf)
+
+
+def test_the_function_takes_a_structure_and_curves_by_mode(monkeypatch):
+    called = watched(monkeypatch, "diagnose_modes")
+    curves = [curves_of(amplitude) for amplitude in (1.0, 2.0, 3.0)]
+    found = ij.diagnose(ij.three_mass(), {0: curves[0], 1: curves[1]}, hold_out={1: [curves[2]]})
+    assert found == "verdict"
+    assert called[0][1] == {0: curves[0], 1: curves[1]}
+    assert called[0][2] == {0: [], 1: [curves[2]]}
+
+
+@pytest.mark.parametrize("joint", ["jenkins", ij.Jenkins])
+def test_the_function_takes_a_kind_of_joint_and_curves(monkeypatch, joint):
+    called = watched(monkeypatch, "diagnose_curves", "dispatch")
+    curves = [curves_of(amplitude) for amplitude in (1.0, 2.0)]
+    assert ij.diagnose(joint, curves[0], hold_out=curves[1:], budget=2.0) == "verdict"
+    assert called[0] == (joint, curves[:1], curves[1:])
+    assert called[1]["budget"] == 2.0
+
+
+def test_the_function_takes_a_joint_and_its_loops(monkeypatch):
+    called = watched(monkeypatch, "diagnose_loops", "dispatch")
+    loops = [loop_of(scale) for scale in (1.0, 2.0)]
+    assert ij.diagnose(JENKINS, loops, noise=0.01, hypotheses=CUBIC) == "verdict"
+    assert called[0] == (JENKINS, loops, [])
+    assert (called[1]["noise"], called[1]["hypotheses"]) == (0.01, CUBIC)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "said"),
+    [
+        (("a_study",), {"seed": 1}, "seed does not belong to a study; the study holds its own"),
+        (("a_study", "a_loop"), {}, "recordings does not belong to a study"),
+        ((3.0, "a_loop"), {}, "got a float; expected a Study, a JointedStructure, a joint"),
+        (("jenkins", "a_loop"), {}, "got a ForceLoop for a joint's class or name; expected Modal"),
+        (("jenkins", []), {"noise": 1.0}, "noise does not belong to a joint's class or name"),
+        (("jenkin", []), {}, "jenkins"),
+        (("a_joint", "a_curve"), {}, "got a ModalCurves for a joint; expected ForceLoops"),
+        (("a_joint", "a_loop"), {"rows": {"a": [1.0]}}, "rows does not belong to a joint"),
+        (("a_joint", "a_loop"), {"noise": {"a": 1.0}}, "expected one number, the force's"),
+        (("a_structure", "a_loop"), {}, "got ForceLoop for a structure"),
+        (("a_structure", "a_curve"), {"noise": 1.0}, "expected {sensor: standard deviation}"),
+        (("a_structure",), {}, "got no recordings for a structure; expected Recordings or Modal"),
+    ],
+)
+def test_what_does_not_belong_to_a_model_gets_one_clear_line(arguments, options, said):
+    objects = {
+        "a_study": ij.Study(ij.three_mass()),
+        "a_structure": ij.three_mass(),
+        "a_joint": JENKINS,
+        "a_loop": loop_of(1.0),
+        "a_curve": curves_of(1.0),
+    }
+    given = [objects.get(each, each) if isinstance(each, str) else each for each in arguments]
+    with pytest.raises(ij.InputError, match=re.escape(said)) as caught:
+        ij.diagnose(*given, **options)
+    assert "\n" not in str(caught.value)
+
+
+def loop_of(scale):
+    d = np.concatenate([np.linspace(0, 3, 40), np.linspace(3, -3, 80), np.linspace(-3, 3, 80)])
+    return ij.ForceLoop(scale * d, scale * np.asarray(ij.hysteresis(JENKINS, d)), f"l{scale}")
+
+
 def curves_of(amplitude):
     a = amplitude * np.geomspace(0.1, 1.0, 6)
     deviations = {"frequency_std": np.full(6, 1e-4), "damping_std": np.full(6, 1e-4)}
     return ij.ModalCurves(a, 0.1 - 1e-3 * a, 1e-3 + 1e-3 * a, quantity="displacement", **deviations)
 
 
-def watched(monkeypatch, name):
+def watched(monkeypatch, name, module="diagnoses"):
     """What the function of a kind is called with, which then answers at once."""
     called = []
 
@@ -138,5 +237,5 @@ def watched(monkeypatch, name):
         called.extend((arguments, options))
         return "verdict"
 
-    monkeypatch.setattr(f"iwanjax.studies.diagnoses.{name}", answer)
+    monkeypatch.setattr(f"iwanjax.studies.{module}.{name}", answer)
     return called

@@ -46,17 +46,17 @@ _ALIKE = 3.0
 
 
 @one_thread()
-def diagnose(
+def diagnose_histories(
     structure: JointedStructure,
     recordings: Sequence[StudyRecording],
     sampling_rate: float,
     *,
-    places: Mapping[str, ArrayLike],
-    inputs: ArrayLike,
+    rows: Mapping[str, ArrayLike],
     sensors: Mapping[str, ArrayLike],
+    inputs: Mapping[str, ArrayLike],
     quantity: Quantity = "acceleration",
     hypotheses: tuple[str, ...] = (),
-    noise: ArrayLike | None = None,
+    noise: Mapping[str, float] | None = None,
     budget: float = math.inf,
     seed: int = 0,
     progress: Callable[[str], None] = lambda line: None,
@@ -81,24 +81,24 @@ def diagnose(
         At least one to fit; those held out are only looked at in the end.
     sampling_rate : float
         Hz.
-    places : mapping of str to (n,) array_like
-        Rows where a force may be missing.
-    inputs : (inputs, n) array_like
-        Where forces act.
+    rows : mapping of str to (n,) array_like
+        Where a force may be missing.
     sensors : mapping of str to (n,) array_like
-        What the sensors see.
+        What the sensors see, in the order of the responses' columns.
+    inputs : mapping of str to (n,) array_like
+        Where forces act, in the order of the forces' columns.
     quantity : {"acceleration", "velocity", "displacement"}
         What they measure.
     hypotheses : tuple of str
         Kinds to try; all of the catalogue by default.
-    noise : (sensors,) array_like, optional
-        Standard deviations of the sensors' noise where they are known (NaN where not).
+    noise : mapping of str to float, optional
+        Standard deviation of a sensor's noise, in its unit, where that is known.
     budget : float
         Time to spend, s.
     seed : int
         Of the starts.
     progress : function
-        Told of every stage.
+        Receives a line at every stage.
 
     Returns
     -------
@@ -114,15 +114,17 @@ def diagnose(
     require_double_precision("diagnose")
     started = time.perf_counter()
     kinds = kinds_of(hypotheses)
-    rows = {name: finite_array(row, name) for name, row in places.items()}
-    rows_in = np.atleast_2d(finite_array(inputs, "inputs"))
-    rows_out = np.stack([finite_array(row, name) for name, row in sensors.items()])
-    known = np.full(len(rows_out), np.nan) if noise is None else np.asarray(noise, float)
+    places = {name: finite_array(row, name) for name, row in rows.items()}
+    rows_in, rows_out = (
+        np.stack([finite_array(row, name) for name, row in named.items()])
+        for named in (inputs, sensors)
+    )
     _check(recordings, len(rows_in), len(rows_out))
-    known = np.where(np.isnan(known), common_noise(recordings), known)
+    given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
+    deviations = np.where(np.isnan(given), common_noise(recordings), given)
     joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
     forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
-    made = partial(
+    predictor_of = partial(
         predictor,
         structure,
         jax.device_put(rows_in),
@@ -131,10 +133,10 @@ def diagnose(
         quantity,
         forces,
     )
-    resolution = StepRefinement(made, joints, recordings, known)
+    resolution = StepRefinement(predictor_of, joints, recordings, deviations)
     now = resolution.of_model()
     shapes = np.asarray(now.modal.Phi)
-    moving = {name: row @ shapes for name, row in rows.items() if np.any(row @ shapes)}
+    moving = {name: row @ shapes for name, row in places.items() if np.any(row @ shapes)}
     scope = Scope(
         kinds,
         places_of(now.problem, followed(now.problem), moving),
@@ -185,25 +187,27 @@ def diagnose(
             (),
             failures,
         )
-        own = [entry for entry in table.entries if entry.problem is problem]
-        if what and own and own[0] is table.best:
-            others = [entry.fitted for entry in own[1:]]
+        comparable = [entry for entry in table.entries if entry.problem is problem]
+        if what and comparable and comparable[0] is table.best:
+            others = [entry.fitted for entry in comparable[1:]]
             restoring = attempted(
                 "recovering the restoring force",
-                lambda: restoring_force(problem, followed(problem), own[0].fitted, 0, others),
+                lambda: restoring_force(
+                    problem, followed(problem), comparable[0].fitted, 0, others
+                ),
                 None,
                 failures,
             )
     model = attempted(
         "building the corrected model",
-        lambda: corrected_model(structure, table.best if verdict.found else table.nominal, rows),
+        lambda: corrected_model(structure, table.best if verdict.found else table.nominal, places),
         None,
         failures,
     )
     warnings = [*sides.fitted.warnings, *sides.warnings()]
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
-        for name in rows
+        for name in places
         if name not in moving
     ]
     warnings += _left(after[0], bool(what), verdict.something_else)
@@ -270,15 +274,15 @@ def _left(fitted: FreeRun, detected: bool, unknown: float) -> list[str]:
     ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
     if ratio < _UNEXPLAINED:
         return []
-    told = f"The fitted recordings are still {ratio:.2g} times the noise off"
+    off = f"The fitted recordings are still {ratio:.2g} times the noise off"
     if not detected:
-        return [f"{told}, but nothing that was tried explains it (probability {unknown:.2f})"]
+        return [f"{off}, but nothing that was tried explains it (probability {unknown:.2f})"]
     if unknown > _LIKELY:
         return [
-            f"{told}, so something else is missing as well, or what is missing is only like this "
+            f"{off}, so something else is missing as well, or what is missing is only like this "
             f"(probability {unknown:.2f})"
         ]
-    return [f"{told}: the rest of the model is not exact, or something small is missing as well"]
+    return [f"{off}: the rest of the model is not exact, or something small is missing as well"]
 
 
 def _unforeseen(held_out: FreeRun) -> list[str]:
@@ -344,9 +348,7 @@ def _suspects(table: selection.ModelSelection, probabilities: Sequence[float]) -
                     tuple(label for label in labels if label != labels[slot]),
                 )
             )
-    found, known = [], set()
+    first: dict[str, Suspect] = {}
     for row in rows:
-        if row.label not in known:
-            known.add(row.label)
-            found.append(row)
-    return found
+        first.setdefault(row.label, row)
+    return list(first.values())

@@ -50,14 +50,14 @@ _SAME = 1e-6
 
 def diagnose_curves(
     joint: type[AbstractJoint] | str,
-    curves: ModalCurves | Sequence[ModalCurves],
-    held_out: ModalCurves | Sequence[ModalCurves] = (),
+    recordings: ModalCurves | Sequence[ModalCurves],
+    hold_out: ModalCurves | Sequence[ModalCurves] = (),
     parameters: Mapping[str, Parameter] | None = None,
     *,
     name: str = "mode",
     mode: int = 0,
     interacting_modes: Sequence[InteractingMode] = (),
-    own: Sequence[ModalCurves] = (),
+    estimator_curves: Sequence[ModalCurves] = (),
     hypotheses: tuple[str, ...] = (),
     starts: int = 64,
     seed: int = 0,
@@ -75,7 +75,7 @@ def diagnose_curves(
     that was taken for linear may have one. Where other modes moved at the same time
     the joint may be theirs too: then what they do to it differs from hit to hit.
 
-    Evidences are those of :func:`iwanjax.diagnose`, of levels whose residuals may be
+    Evidences are those of a diagnosis by time histories, of levels whose residuals may be
     correlated along a curve. To the curves' deviations half a per cent of the frequency's fall
     and of the damping is added: so much a mode of a structure differs from an oscillator with a
     joint, and less is not held against the joint. Errors are root mean squares of predicted
@@ -86,7 +86,7 @@ def diagnose_curves(
     ----------
     joint : str or joint class
         What the model has, for instance ``"iwan4"``.
-    curves, held_out : ModalCurves or sequence of them
+    recordings, hold_out : ModalCurves or sequence of them
         Of one mode, with deviations, against one quantity; only the first are fitted.
     parameters : mapping of str to Parameter, optional
         Replaces those of :func:`iwanjax.modal_parameters` by name.
@@ -94,9 +94,9 @@ def diagnose_curves(
         What the verdict calls the mode, and its index.
     interacting_modes : sequence of InteractingMode
         Other modes that moved at the same time, and perhaps the same joint.
-    own : sequence of ModalCurves
+    estimator_curves : sequence of ModalCurves
         All curves again, those held out last, with the estimator's deviations alone: where those
-        of ``curves`` hold the hits' repeatability, which another mode may explain.
+        of ``recordings`` hold the hits' repeatability, which another mode may explain.
     hypotheses : tuple of str
         Kinds to try; all of the catalogue by default.
     starts, seed : int
@@ -104,7 +104,7 @@ def diagnose_curves(
     budget : float
         Time to spend, s.
     progress : function
-        Told of every stage.
+        Receives a line at every stage.
 
     Returns
     -------
@@ -124,16 +124,17 @@ def diagnose_curves(
     forces = forces_of(hypotheses, variants=False)
     kind = joint_type(joint) if isinstance(joint, str) else joint
     several, others = (
-        (each,) if isinstance(each, ModalCurves) else tuple(each) for each in (curves, held_out)
+        (each,) if isinstance(each, ModalCurves) else tuple(each) for each in (recordings, hold_out)
     )
     if not several:
         raise InputError("diagnose_curves: no curves to fit; expected at least one ModalCurves")
     if len({each.quantity for each in (*several, *others)}) > 1:
         raise InputError("diagnose_curves: the curves are against different quantities")
-    _check_levels((*several, *others), interacting_modes, own)
+    _check_levels((*several, *others), interacting_modes, estimator_curves)
     highest = max(float(np.max(each.frequency)) for each in several)
-    doubted, others_doubted, own_doubted = (
-        tuple(_doubted(each, highest) for each in given) for given in (several, others, own)
+    doubted, others_doubted, estimator_doubted = (
+        tuple(_doubted(each, highest) for each in given)
+        for given in (several, others, estimator_curves)
     )
     row = replaced(tuple(modal_parameters(kind, several).values()), parameters or {})
     base = modal_problem(kind, doubted, row, "absolute")
@@ -152,7 +153,9 @@ def diagnose_curves(
         lambda _: "with a joint left out",
         lambda more: fit_with_joint(alone, more, doubted, trials.sliders(), random),
     )
-    by_itself = modal_problem(kind, own_doubted[: len(several)], row, "absolute") if own else base
+    by_itself = base
+    if estimator_curves:
+        by_itself = modal_problem(kind, estimator_doubted[: len(several)], row, "absolute")
     coupled = kinds_named("modal_coupling", hypotheses)
     trials.fit(
         interacting_modes if coupled else (),
@@ -163,8 +166,8 @@ def diagnose_curves(
     def against(fit: ModeFit) -> tuple[tuple[ModalCurves, ...], tuple[ModalCurves, ...]]:
         """Curves, and with the oscillator's own error, that a fit is held against."""
         # What another mode explains is no scatter of the hits any more.
-        if own and fit.effect is not None and fit.effect.kind in coupled:
-            return tuple(own), own_doubted
+        if estimator_curves and fit.effect is not None and fit.effect.kind in coupled:
+            return tuple(estimator_curves), estimator_doubted
         return (*several, *others), (*doubted, *others_doubted)
 
     def run(fit: ModeFit, chosen: ModeFit) -> CurveRun:
@@ -188,8 +191,8 @@ def diagnose_curves(
 
 def diagnose_loops(
     joint: AbstractJoint,
-    loops: ForceLoop | Sequence[ForceLoop],
-    held_out: ForceLoop | Sequence[ForceLoop] = (),
+    recordings: ForceLoop | Sequence[ForceLoop],
+    hold_out: ForceLoop | Sequence[ForceLoop] = (),
     parameters: Mapping[str, Parameter] | None = None,
     *,
     name: str = "joint",
@@ -212,14 +215,14 @@ def diagnose_loops(
     joint more is tried. Without
     time nothing shows that depends on rate, which the verdict says.
 
-    Evidences are those of :func:`iwanjax.diagnose`. Errors are root mean squares of predicted
+    Evidences are those of a diagnosis by time histories. Errors are root mean squares of predicted
     less measured force over that of the measured one.
 
     Parameters
     ----------
     joint : joint
         What the model has, at its starting values.
-    loops, held_out : ForceLoop or sequence of them
+    recordings, hold_out : ForceLoop or sequence of them
         Of this joint; only the first are fitted.
     parameters : mapping of str to Parameter, optional
         Replaces those of the joint, ``"joint.F_S"`` and so on, by name.
@@ -234,7 +237,7 @@ def diagnose_loops(
     budget : float
         Time to spend, s.
     progress : function
-        Told of every stage.
+        Receives a line at every stage.
 
     Returns
     -------
@@ -253,7 +256,7 @@ def diagnose_loops(
     trials = Trials[LoopFit](budget, progress, name)
     forces = forces_of(hypotheses, variants=True)
     several, others = (
-        (each,) if isinstance(each, ForceLoop) else tuple(each) for each in (loops, held_out)
+        (each,) if isinstance(each, ForceLoop) else tuple(each) for each in (recordings, hold_out)
     )
     if not several:
         raise InputError("diagnose_loops: no loops to fit; expected at least one ForceLoop")
@@ -263,22 +266,22 @@ def diagnose_loops(
     random = np.random.default_rng(seed)
     draws = drawn(row, random, starts)
     trials.say("fitting the joint alone")
-    found_by = {
+    fits = {
         at_rest: loops_alone(joint, row, driven(together, deviations, len(several), at_rest), draws)
         for at_rest in {each.may_begin_at_rest for each in together} | {False}
     }
     more = kinds_named("iwan_joint", hypotheses)
-    costs = {at_rest: fit.cost for at_rest, fit in found_by.items()}
+    costs = {at_rest: fit.cost for at_rest, fit in fits.items()}
     at_rest = min(costs, key=costs.__getitem__)
     if more and len(costs) > 1 and max(costs.values()) <= (1.0 + _SAME) * min(costs.values()):
         # A joint without memory cannot tell where a loop begins; one that it lacks may.
         with_it = {
             each: loops_with_joint(fit, more[0], ()).cost
-            for each, fit in found_by.items()
+            for each, fit in fits.items()
             if trials.seconds < budget
         }
         at_rest = min(with_it, key=with_it.__getitem__, default=at_rest)
-    alone = found_by[at_rest]
+    alone = fits[at_rest]
     if not math.isfinite(alone.cost):
         raise InputError(f"diagnose_loops: {name}: no start gave finite forces")
     trials.fit_forces(forces, lambda force: loops_beside(alone, force, draws, random))
@@ -290,11 +293,11 @@ def diagnose_loops(
     whole = driven(together, deviations, len(several), at_rest, math.inf)
 
     def run(fit: LoopFit, chosen: LoopFit) -> LoopRun:
-        found = []
+        predicted = []
         for forces, loop in zip(fit.predicted(whole), together, strict=True):
             force = forces[2 : loop.d.size + 2]
-            found.append(force + np.mean(loop.force - force))
-        return LoopRun(together, tuple(found), len(several), deviations)
+            predicted.append(force + np.mean(loop.force - force))
+        return LoopRun(together, tuple(predicted), len(several), deviations)
 
     return concluded(
         trials,
@@ -318,15 +321,16 @@ def _doubted(curves: ModalCurves, highest: float) -> ModalCurves:
 def _check_levels(
     measured: Sequence[ModalCurves],
     interacting_modes: Sequence[InteractingMode],
-    own: Sequence[ModalCurves],
+    estimator_curves: Sequence[ModalCurves],
 ) -> None:
     """Refuse what does not go level by level with the curves."""
     levels = [each.amplitude.size for each in measured]
     given = {
-        f"companion {each.name}": [len(x) for x in each.amplitude] for each in interacting_modes
+        f"interacting mode {each.name}": [len(x) for x in each.amplitude]
+        for each in interacting_modes
     }
-    if own:
-        given["own"] = [each.amplitude.size for each in own]
+    if estimator_curves:
+        given["estimator_curves"] = [each.amplitude.size for each in estimator_curves]
     for what, sizes in given.items():
         if sizes != levels:
             raise InputError(
@@ -345,16 +349,16 @@ def _per_modal_mass(estimates: Sequence[Estimate], curves: ModalCurves) -> tuple
 
 def _active(active: Sequence[ModeFit], chosen: ModeFit) -> list[str]:
     """What explains more than the verdict, but cannot be."""
-    told = []
+    warnings = []
     for fit in active:
         assert fit.effect is not None
         if fit.cost < (1.0 - MODEL_ERROR_ALLOWANCE) * chosen.cost:
-            told.append(
+            warnings.append(
                 f"A {fit.effect.kind.name} of negative size would explain more, but gives energy "
                 "to the mode: the joint's own damping changes with amplitude in another way than "
                 "its law can"
             )
-    return told
+    return warnings
 
 
 def _unseen_by_curves(name: str, unseen: Sequence[str]) -> list[str]:

@@ -42,11 +42,11 @@ _QUANTITY = "modal displacement"
 
 def diagnose_modes(
     structure: JointedStructure,
-    curves: Mapping[int, ModalCurves],
-    held_out: Mapping[int, ModalCurves | Sequence[ModalCurves]] | None = None,
+    recordings: Mapping[int, ModalCurves],
+    hold_out: Mapping[int, ModalCurves | Sequence[ModalCurves]] | None = None,
     parameters: Mapping[str, Parameter] | None = None,
     *,
-    places: Mapping[str, ArrayLike],
+    rows: Mapping[str, ArrayLike],
     groups: Mapping[str, Sequence[str]] | None = None,
     reference: Reference = "absolute",
     hypotheses: tuple[str, ...] = (),
@@ -65,7 +65,7 @@ def diagnose_modes(
     one mode at a time, as free decays of a mode are that a modal filter or a shaker has singled
     out: where several modes move a joint at once, it is softer than curves can say.
 
-    Evidences are those of :func:`iwanjax.diagnose`, of levels whose residuals may be
+    Evidences are those of a diagnosis by time histories, of levels whose residuals may be
     correlated along a curve. Errors are root mean squares of predicted less measured frequency,
     over its fall below each mode's highest, and damping, over itself.
 
@@ -73,15 +73,15 @@ def diagnose_modes(
     ----------
     structure : JointedStructure
         With the joints at their starting values.
-    curves : mapping of int to ModalCurves
+    recordings : mapping of int to ModalCurves
         For each elastic mode, lowest 0, the curve to fit, against modal displacement, with
         deviations (several hits: :func:`iwanjax.merge_curves`).
-    held_out : mapping of int to ModalCurves or sequence of them, optional
+    hold_out : mapping of int to ModalCurves or sequence of them, optional
         Curves of these modes that no fit sees.
     parameters : mapping of str to Parameter, optional
         Replaces those of :func:`modes_parameters` by name.
-    places : mapping of str to (n,) array_like
-        Rows of the places where a force may be missing.
+    rows : mapping of str to (n,) array_like
+        Where a force may be missing.
     groups : mapping of str to sequence of str, optional
         Joints that share their parameters, under a common name.
     reference : {"absolute", "shift"}
@@ -94,7 +94,7 @@ def diagnose_modes(
     budget : float
         Time to spend, s.
     progress : function
-        Told of every stage.
+        Receives a line at every stage.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def diagnose_modes(
     Raises
     ------
     InputError
-        For curves that cannot be fitted, places that are no rows of the structure, unknown
+        For curves that cannot be fitted, rows that do not fit the structure, unknown
         parameters or hypotheses.
     PrecisionError
         When JAX computes in float32.
@@ -112,11 +112,11 @@ def diagnose_modes(
     require_double_precision("diagnose_modes")
     trials = Trials[ModesFit](budget, progress)
     forces = forces_of(hypotheses, variants=False)
-    modes, others = _checked(curves, held_out or {})
-    rows = {label: _row(structure, label, row) for label, row in places.items()}
-    if not rows:
-        raise InputError("diagnose_modes: no places; expected {label: row} for at least one")
-    several = [curves[mode] for mode in modes]
+    modes, others = _checked(recordings, hold_out or {})
+    places = {label: _row(structure, label, row) for label, row in rows.items()}
+    if not places:
+        raise InputError("diagnose_modes: no rows; expected {label: row} for at least one place")
+    several = [recordings[mode] for mode in modes]
     known = modes_parameters(structure, several, modes, groups)
     row = replaced(tuple(known.values()), parameters or {})
     base = structural_problem(structure, several, row, modes, None, groups, reference)
@@ -132,9 +132,9 @@ def diagnose_modes(
     joints = JointsAlone.of(alone)
     scores: list[ModesFit] = []
     for force in trials.in_time(
-        forces, lambda force: f"looking for {force.name} at {len(rows)} place(s)"
+        forces, lambda force: f"looking for {force.name} at {len(places)} place(s)"
     ):
-        each = [scored(joints, force, label, inside) for label, inside in rows.items()]
+        each = [scored(joints, force, label, inside) for label, inside in places.items()]
         seen = [score for score in each if score is not None]
         scores += seen
         trials.unseen += [] if seen else [force.name]
@@ -145,7 +145,7 @@ def diagnose_modes(
     )
     for more in kinds_named("iwan_joint", hypotheses):
         trials.fit(
-            _joint_places(rows, scores),
+            _joint_places(places, scores),
             lambda place: f"with a joint left out at {place[0]}",
             lambda place, more=more: modes_with_joint(
                 alone, more, place, several, row, groups, trials.sliders(place[0])
@@ -154,8 +154,8 @@ def diagnose_modes(
 
     def run(fit: ModesFit, chosen: ModesFit) -> ModesRun:
         each = [
-            CurveRun.of((own, *held), fit.predicted((own, *held), i), 1)
-            for i, (own, held) in enumerate(zip(several, others, strict=True))
+            CurveRun.of((fitted, *held), fit.predicted((fitted, *held), i), 1)
+            for i, (fitted, held) in enumerate(zip(several, others, strict=True))
         ]
         return ModesRun(tuple(each), tuple(f"mode {mode}" for mode in modes))
 
@@ -196,19 +196,19 @@ def modes_parameters(
     else:
         known = background_parameters(structure, curves, modes)
     given = viscous_ratios(structure, modes) > 0.0
-    held = [background_name(mode) for mode, own in zip(modes, given, strict=True) if own]
+    held = [background_name(mode) for mode, damped in zip(modes, given, strict=True) if damped]
     return {p.name: p for p in fixed_at(tuple(known.values()), held)}
 
 
 def _checked(
-    curves: Mapping[int, ModalCurves],
-    held_out: Mapping[int, ModalCurves | Sequence[ModalCurves]],
+    recordings: Mapping[int, ModalCurves],
+    hold_out: Mapping[int, ModalCurves | Sequence[ModalCurves]],
 ) -> tuple[list[int], list[tuple[ModalCurves, ...]]]:
     """Modes in order, and the curves of each that are held out."""
-    if not curves:
+    if not recordings:
         raise InputError("diagnose_modes: no curves; expected {mode: curves} for at least one mode")
-    modes = sorted(curves)
-    stray = [mode for mode in held_out if mode not in curves]
+    modes = sorted(recordings)
+    stray = [mode for mode in hold_out if mode not in recordings]
     if stray:
         raise InputError(
             f"diagnose_modes: mode {stray[0]} is held out only; expected one of those to fit, "
@@ -216,9 +216,9 @@ def _checked(
         )
     others = []
     for mode in modes:
-        given = held_out.get(mode, ())
+        given = hold_out.get(mode, ())
         others.append((given,) if isinstance(given, ModalCurves) else tuple(given))
-        for each in (curves[mode], *others[-1]):
+        for each in (recordings[mode], *others[-1]):
             if each.quantity != _QUANTITY:
                 raise InputError(
                     f"diagnose_modes: mode {mode} has a curve against {each.quantity}; expected "
@@ -228,11 +228,10 @@ def _checked(
 
 
 def _row(structure: JointedStructure, label: str, given: ArrayLike) -> np.ndarray:
-    row = finite_array(given, f"places[{label!r}]")
+    row = finite_array(given, f"rows[{label!r}]")
     if row.shape != (structure.structure.size,):
         raise InputError(
-            f"places[{label!r}] has shape {row.shape}; expected ({structure.structure.size},) "
-            "like M"
+            f"rows[{label!r}] has shape {row.shape}; expected ({structure.structure.size},) like M"
         )
     return row
 
@@ -264,11 +263,11 @@ def _joint_places(
 
 def _drops(alone: ModesFit, scores: Sequence[ModesFit]) -> tuple[Score, ...]:
     """What each force would explain of what the joints alone leave, the most first."""
-    found = []
+    drops = []
     for score in scores:
         kind, _, where = _effect(score)
-        found.append(Score(kind.name, where, max(0.0, 1.0 - score.cost / alone.cost)))
-    return tuple(sorted(found, key=lambda score: -score.drop))
+        drops.append(Score(kind.name, where, max(0.0, 1.0 - score.cost / alone.cost)))
+    return tuple(sorted(drops, key=lambda score: -score.drop))
 
 
 def _unseen(unseen: Sequence[str]) -> list[str]:

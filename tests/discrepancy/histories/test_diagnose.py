@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy import StudyRecording, diagnose
+from iwanjax.discrepancy import StudyRecording, diagnose_histories
 
 # Chains of two masses: one set of kernels serves them all.
 NOTHING, FRICTION, RATE = 2, 94, 2048
@@ -24,6 +24,7 @@ RNG = np.random.default_rng(0)
 TWO = np.eye(2)
 ROWS = {"m1-ground": TWO[0], "m2-ground": TWO[1], "J1": np.array([-1.0, 1.0])}
 SENSORS = {"a1": TWO[0], "a2": TWO[1]}
+INPUTS = {"m1": TWO[0], "m2": TWO[1]}
 
 
 def labels(kinds, places):
@@ -206,20 +207,22 @@ def test_bad_recordings_get_one_clear_line(case):
     good = {"response": RNG.standard_normal((400, 2)), "force": RNG.standard_normal((400, 2))}
     bad = StudyRecording("rec", **(good | changed))
     with pytest.raises(ij.InputError, match=message) as caught:
-        diagnose(structure(), [bad], 1024.0, places=ROWS, inputs=TWO, sensors=SENSORS, **options)
+        diagnose_histories(
+            structure(), [bad], 1024.0, rows=ROWS, sensors=SENSORS, inputs=INPUTS, **options
+        )
     assert "\n" not in str(caught.value)
 
 
 def test_a_row_of_zeros_is_said():
     recording = StudyRecording("rec", RNG.standard_normal((400, 2)), RNG.standard_normal((400, 2)))
     rows = ROWS | {"nowhere": np.zeros(2)}
-    found = diagnose(
+    found = diagnose_histories(
         structure(),
         [recording],
         1024.0,
-        places=rows,
-        inputs=TWO,
+        rows=rows,
         sensors=SENSORS,
+        inputs=INPUTS,
         hypotheses=("cubic_stiffness",),
         budget=1.0,
     )

@@ -25,7 +25,7 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy import StudyRecording, diagnose
+from iwanjax.discrepancy import StudyRecording, diagnose_histories
 from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.time_steps import StudyData
 from iwanjax.discrepancy.histories.validation import free_run
@@ -44,13 +44,13 @@ def transients(those, **options):
 
 
 def diagnosed(structure, recordings, **options):
-    return diagnose(
+    return diagnose_histories(
         structure,
         recordings,
         RATE,
-        places={"mass-ground": ROW},
-        inputs=ROW[None],
+        rows={"mass-ground": ROW},
         sensors={"x": ROW},
+        inputs={"f": ROW},
         quantity="displacement",
         **options,
     )

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 import iwanjax as ij
-from iwanjax.discrepancy import Diagnosis, StudyRecording
+from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose_histories
 
 RATE, N, FINE = 1024.0, 700, 64
 M, K = np.diag([1.0, 1.5]), np.array([[1.5e5, -6e4], [-6e4, 6e4]])
@@ -44,12 +44,12 @@ def _recorded(law: Law, struck: int, peak: float, use: str) -> StudyRecording:
 def diagnosed(law: Callable[[], Law], hypotheses: tuple[str, ...]) -> Diagnosis:
     """What is said of the masses without the law, from two hits; a third one is held out."""
     hits = [(0, 40.0, "fit"), (1, 160.0, "fit"), (0, 90.0, "hold_out")]
-    return ij.diagnose(
+    return diagnose_histories(
         ij.JointedStructure(ij.LinearStructure(M, DAMPING, K), {}),
         [_recorded(law(), *hit) for hit in hits],
         RATE,
-        places=PLACES,
-        inputs=np.eye(2),
+        rows=PLACES,
         sensors={"a1": [1.0, 0.0], "a2": [0.0, 1.0]},
+        inputs={"m1": [1.0, 0.0], "m2": [0.0, 1.0]},
         hypotheses=hypotheses,
     )

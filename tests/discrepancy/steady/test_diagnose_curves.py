@@ -14,6 +14,7 @@ from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE, ForceKind
 from iwanjax.discrepancy.findings import Errors
 from iwanjax.discrepancy.steady.cycle import beside, shows
+from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
 from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import about
 
@@ -43,7 +44,7 @@ SHAPES = {"gap_contact": 3e-5, "coulomb_friction": 2e-6}
 
 def verdict(name, noise_db=-60.0, seed=1, **options):
     curves = measured(FORCES[name], noise_db, seed)
-    return ij.diagnose_curves("iwan4", curves[:3], curves[3:], name="mode1", **options)
+    return diagnose_curves("iwan4", curves[:3], curves[3:], name="mode1", **options)
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +102,7 @@ def test_a_cubic_spring_is_found_and_predicts_what_was_held_out(told):
 
 def test_what_nothing_that_was_tried_explains_leaves_the_verdict_undecided(told):
     curves = told["cubic_stiffness"].runs[0].measured
-    found = ij.diagnose_curves("iwan4", curves[:3], curves[3:], hypotheses=("stiffness_error",))
+    found = diagnose_curves("iwan4", curves[:3], curves[3:], hypotheses=("stiffness_error",))
     assert found.before.hold_out > 10.0 * found.noise_floor.hold_out
     assert found.detected
     assert found.verdict.name == "undecided"
@@ -157,23 +158,23 @@ def test_no_alarm_in_twenty_empty_cases():
     for seed in range(20):
         for noise_db in (-40.0, -70.0):
             curves = measured(FORCES["none"], noise_db, seed, v)
-            assert not ij.diagnose_curves("iwan4", curves[:3], curves[3:]).detected
+            assert not diagnose_curves("iwan4", curves[:3], curves[3:]).detected
 
 
 def test_bad_curves_get_one_clear_line(told):
     run = told["none"].runs[0]
     with pytest.raises(InputError, match="no curves"):
-        ij.diagnose_curves("iwan4", [])
+        diagnose_curves("iwan4", [])
     other = run.measured[0].as_quantity("displacement")
     with pytest.raises(InputError, match="different quantities"):
-        ij.diagnose_curves("iwan4", run.measured[0], other)
+        diagnose_curves("iwan4", run.measured[0], other)
     with pytest.raises(InputError, match="cubic_stifness"):
-        ij.diagnose_curves("iwan4", run.measured[0], hypotheses=("cubic_stifness",))
+        diagnose_curves("iwan4", run.measured[0], hypotheses=("cubic_stifness",))
 
 
 def test_a_budget_that_is_too_short_is_said(told):
     curves = told["none"].runs[0].measured
-    found = ij.diagnose_curves("iwan4", curves[:3], curves[3:], budget=0.0)
+    found = diagnose_curves("iwan4", curves[:3], curves[3:], budget=0.0)
     assert not found.complete
     assert not found.detected
     assert "too short" in found.statement()
@@ -242,7 +243,7 @@ def test_a_joint_left_out_of_a_linear_mode_is_found():
     damping = np.asarray(curves[0].damping)
     assert damping.max() > 4.5 * damping.min()
     tried = ("coulomb_friction", "iwan_joint")
-    found = ij.diagnose_curves("linear_spring", curves[:3], curves[3:], hypotheses=tried)
+    found = diagnose_curves("linear_spring", curves[:3], curves[3:], hypotheses=tried)
     first = found.what[0]
     assert first.kind.name == "iwan_joint"
     assert first.probability > 0.9

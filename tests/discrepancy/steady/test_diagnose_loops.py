@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE
+from iwanjax.discrepancy.steady.diagnose_joint import diagnose_loops
 from iwanjax.discrepancy.steady.loops import driven, quasi_static
 from iwanjax.errors import InputError
 
@@ -33,7 +34,7 @@ def loops(name, steady=False):
 
 def verdict(name, steady=False):
     several = loops(name, steady)
-    return ij.diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=TRIED)
+    return diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=TRIED)
 
 
 @pytest.mark.parametrize("steady", [False, pytest.param(True, marks=pytest.mark.long)])
@@ -68,7 +69,7 @@ def test_a_slider_beside_it_is_found_with_its_slip():
 def test_what_nothing_that_was_tried_explains_leaves_the_verdict_undecided():
     several = loops("cubic_stiffness")
     tried = ("stiffness_error", "bilinear_stiffness")
-    told = ij.diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=tried)
+    told = diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=tried)
     assert told.before.hold_out > 3.0 * told.noise_floor.hold_out
     assert told.detected
     assert told.verdict.name == "undecided"
@@ -87,7 +88,7 @@ def test_a_correction_that_diverges_beyond_what_was_fitted_is_refused():
         force = stretched(d, SLIP, STIFFNESS) + beside + 0.002 * random.standard_normal(d.size)
         several.append(ij.ForceLoop(d, force, f"loop{i}"))
     tried = ("cubic_stiffness",)
-    told = ij.diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=tried)
+    told = diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=tried)
     assert told.after.hold_out <= told.before.hold_out
     assert told.what == ()
     assert told.verdict.name == "undecided"
@@ -102,7 +103,7 @@ def test_a_joint_left_out_beside_a_spring_is_found():
     """The loops of an Iwan joint, taken for those of a spring: no single force makes them."""
     several = loops("none")
     tried = ("coulomb_friction", "iwan_joint")
-    told = ij.diagnose_loops(
+    told = diagnose_loops(
         ij.LinearSpring(0.5 * K_T), several[:2], several[2], name="J1", hypotheses=tried
     )
     first = told.what[0]
@@ -141,11 +142,11 @@ def test_a_long_loop_is_drawn_by_fewer_values_that_keep_its_turns():
 
 def test_it_is_refused_without_loops():
     with pytest.raises(InputError, match="no loops to fit"):
-        ij.diagnose_loops(GUESS, [])
+        diagnose_loops(GUESS, [])
 
 
 def test_a_budget_that_is_spent_leaves_the_joint_alone():
-    told = ij.diagnose_loops(GUESS, loops("none")[:1], budget=0.0)
+    told = diagnose_loops(GUESS, loops("none")[:1], budget=0.0)
     assert not told.complete
     assert not told.detected
 

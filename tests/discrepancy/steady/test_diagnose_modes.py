@@ -11,7 +11,7 @@ import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE, ForceKind
 from iwanjax.discrepancy.steady.cycle import beside
-from iwanjax.discrepancy.steady.diagnose_modes import modes_parameters
+from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import about
 
@@ -34,8 +34,8 @@ def structure():
 def verdict(curves, **options):
     first = {mode: hits[0] for mode, hits in curves.items()}
     held_out = {mode: hits[1] for mode, hits in curves.items()}
-    options = {"hypotheses": TRIED, "places": chain.ROWS} | options
-    return ij.diagnose_modes(structure(), first, held_out, **options)
+    options = {"hypotheses": TRIED, "rows": chain.ROWS} | options
+    return diagnose_modes(structure(), first, held_out, **options)
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +86,8 @@ def test_a_cubic_spring_is_found_where_it_is(told):
 
 def test_places_that_are_alike_are_said(curves):
     """A place and one like it with the sign turned see the same."""
-    places = {PLACE: chain.ROWS[PLACE], "the other way": -chain.ROWS[PLACE]}
-    found = verdict(curves["cubic_stiffness"], places=places, hypotheses=("cubic_stiffness",))
+    rows = {PLACE: chain.ROWS[PLACE], "the other way": -chain.ROWS[PLACE]}
+    found = verdict(curves["cubic_stiffness"], rows=rows, hypotheses=("cubic_stiffness",))
     assert found.indistinguishable == (
         (f"cubic_stiffness@{PLACE}", "cubic_stiffness@the other way"),
     )
@@ -128,18 +128,18 @@ def test_one_sided_forces_have_two_tips():
 
 def test_bad_curves_get_one_clear_line(curves):
     first = curves["none"][0][0]
-    js, places = structure(), chain.ROWS
+    js, rows = structure(), chain.ROWS
     for given, options, said in (
         ({}, {}, "no curves"),
         ({0: first.scaled(1.0, "velocity")}, {}, "modal displacement"),
         ({7: first}, {}, "mode 7 does not exist"),
-        ({0: first}, {"held_out": {1: first}}, "mode 1 is held out only"),
-        ({0: first}, {"places": {}}, "no places"),
-        ({0: first}, {"places": {"a": np.ones(2)}}, r"places\['a'\] has shape \(2,\)"),
+        ({0: first}, {"hold_out": {1: first}}, "mode 1 is held out only"),
+        ({0: first}, {"rows": {}}, "no rows"),
+        ({0: first}, {"rows": {"a": np.ones(2)}}, r"rows\['a'\] has shape \(2,\)"),
         ({0: first}, {"hypotheses": ("cubic",)}, "cubic_stiffness"),
     ):
         with pytest.raises(InputError, match=said):
-            ij.diagnose_modes(js, given, **({"places": places} | options))
+            diagnose_modes(js, given, **({"rows": rows} | options))
 
 
 def test_a_budget_that_is_too_short_is_said(curves):
@@ -200,11 +200,11 @@ def test_a_joint_left_out_of_a_linear_structure_is_found_at_its_place(curves):
     row, k = chain.ROWS["m2-m3"], 1e5
     rest = chain.K - k * np.outer(row, row)
     linear = ij.LinearStructure(chain.M, chain.damping(), rest)
-    found = ij.diagnose_modes(
+    found = diagnose_modes(
         ij.JointedStructure(linear, {"S": (row, ij.LinearSpring(k))}),
         {mode: each[0] for mode, each in curves["none"].items()},
         {mode: each[1] for mode, each in curves["none"].items()},
-        places=chain.ROWS,
+        rows=chain.ROWS,
         hypotheses=("coulomb_friction", "iwan_joint"),
     )
     assert found.what[0].label == "iwan_joint@J1"

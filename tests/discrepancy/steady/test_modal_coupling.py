@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy.steady.cycle import InteractingMode, moved_by_both
+from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
 from iwanjax.errors import InputError
 from iwanjax.signals import ringdown
 
@@ -53,12 +54,12 @@ def rung(signals):
 
 def verdict(several, amplitude, **options):
     merged = ij.merge_curves(several[:-1])
-    return ij.diagnose_curves(
+    return diagnose_curves(
         "iwan4",
         merged.weighted_hits,
         merged.weighted(several[-1]),
         interacting_modes=[InteractingMode("mode1", 105.5, tuple(amplitude))],
-        own=several,
+        estimator_curves=several,
         **options,
     )
 
@@ -87,10 +88,10 @@ def test_a_joint_that_another_mode_moves_and_one_that_it_does_not(signals):
 def test_companions_of_other_levels_get_one_clear_line(signals):
     several = [each.curves for each in rung(signals)[1]]
     amplitude = [np.ones(each.amplitude.size) for each in several]
-    with pytest.raises(InputError, match=r"companion mode1 has \[\d+, .*as the curves have"):
+    with pytest.raises(InputError, match=r"interacting mode mode1 has \[\d+, .*as the curves have"):
         verdict(several, amplitude[1:])
-    with pytest.raises(InputError, match=r"own has \[\d+"):
-        ij.diagnose_curves("iwan4", several, own=several[1:])
+    with pytest.raises(InputError, match=r"estimator_curves has \[\d+"):
+        diagnose_curves("iwan4", several, estimator_curves=several[1:])
 
 
 def test_another_mode_makes_a_joint_softer():
