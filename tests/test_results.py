@@ -15,7 +15,9 @@ from matplotlib.figure import Figure
 import iwanjax as ij
 from iwanjax.errors import InputError
 from iwanjax.results import AbstractResult, with_std
-from iwanjax.structures.reduced_model import SurfaceShape
+from iwanjax.signals import Channel
+from iwanjax.structures.reduced_model import ReducedModel, SurfaceShape
+from iwanjax.updating import Exponents
 
 
 class Engine(eqx.Module):
@@ -194,7 +196,7 @@ def chain():
 
 def recording():
     t = np.arange(64) / 64.0
-    channel = ij.Channel("a1", "acceleration", "m/s^2", "+x")
+    channel = Channel("a1", "acceleration", "m/s^2", "+x")
     return ij.Recording(t, np.sin(9.0 * t)[:, None], (channel,), name="hit")
 
 
@@ -215,7 +217,7 @@ def merged():
 def reduced():
     shape = SurfaceShape(np.zeros((4, 3)), np.array([[0, 1, 2, 3]]), np.array([-1]), np.zeros(2))
     row = {"J1.x": np.array([1.0, 0.0])}
-    return ij.ReducedModel(
+    return ReducedModel(
         np.eye(2), np.eye(2), ("J1A.x",), row, row, row, shape, np.array([5.0]), np.zeros((1, 6)),
         {"hammer": 0.5},
     )  # fmt: skip
@@ -229,7 +231,7 @@ RESULTS = {
     "MergedCurves": merged,
     "ForceLoop": lambda: ij.signals.ForceLoop(np.arange(9.0), np.arange(9.0) ** 2, "rig"),
     "MeasuredModes": lambda: ij.MeasuredModes([10.0, 20.0], 0.1),
-    "Exponents": lambda: ij.Exponents((0.5, 0.1), (0.6, 0.1), (1.0, 0.1), (1e-3, 1e-4), 0.1, 0.1),
+    "Exponents": lambda: Exponents((0.5, 0.1), (0.6, 0.1), (1.0, 0.1), (1e-3, 1e-4), 0.1, 0.1),
     "ReducedModel": reduced,
     "Found": found,
 }

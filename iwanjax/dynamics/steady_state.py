@@ -208,7 +208,7 @@ def controlled_response(
 
     The force that this takes is the result. Where a mode alone moves, there is but one motion
     for each level and frequency, and no jumps: see
-    :func:`iwanjax.resonance_from_control` for what frequency and damping follow from it.
+    :func:`iwanjax.signals.resonance_from_control` for what frequency and damping follow from it.
 
     Parameters
     ----------

@@ -85,8 +85,8 @@ class FitEntry:
     posterior : Posterior, optional
         Sampled from this fit on.
     fit_picture, posterior_picture : bytes, optional
-        :func:`~iwanjax.plot_fit` and :func:`~iwanjax.plot_posterior` of these as PNG, where
-        they have been drawn already.
+        These two as PNG, where :func:`~iwanjax.plotting.plot_fit` and
+        :func:`~iwanjax.plotting.plot_posterior` have drawn them already.
     measured_pictures : tuple of (str, bytes), optional
         The same of :func:`measured_pictures`.
     """

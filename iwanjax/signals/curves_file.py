@@ -93,7 +93,7 @@ def read_response_control(
     Returns
     -------
     ModalCurves
-        See :func:`iwanjax.resonance_from_control`.
+        See :func:`iwanjax.signals.resonance_from_control`.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def read_force_control(
     Returns
     -------
     ModalCurves
-        See :func:`iwanjax.curves_from_force_control`.
+        See :func:`iwanjax.signals.curves_from_force_control`.
 
     Raises
     ------

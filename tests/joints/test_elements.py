@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
-from iwanjax.joints import JOINTS, joint_type, masing_dissipation
+from iwanjax.joints import JOINTS, PowerLawDamping, joint_type, masing_dissipation
 from iwanjax.joints.power import logarithm, power
 
 D = np.array([-3.0, -1.0, -0.2, 0.0, 0.2, 1.0, 3.0])
@@ -163,7 +163,7 @@ def test_dashpot_and_background():
     dashpot = ij.Dashpot(c=0.5)
     assert float(dashpot.dissipation(2.0, omega=3.0)) == pytest.approx(np.pi * 0.5 * 3 * 4)
     np.testing.assert_allclose(dashpot.backbone(D), 0.0)
-    law = ij.PowerLawDamping(c_1=0.0621, chi=-0.082, zeta_0=5.37e-4)
+    law = PowerLawDamping(c_1=0.0621, chi=-0.082, zeta_0=5.37e-4)
     np.testing.assert_allclose(law([0.0, 0.01]), [5.37e-4, 0.0621 * 0.01**0.918 + 5.37e-4])
 
 
@@ -238,7 +238,7 @@ def test_bad_distributions_get_one_clear_line(kind, change, message):
 
 def test_bad_background_damping():
     with pytest.raises(ij.InputError, match="PowerLawDamping: zeta_0 = -1"):
-        ij.PowerLawDamping(c_1=1.0, chi=0.0, zeta_0=-1.0)
+        PowerLawDamping(c_1=1.0, chi=0.0, zeta_0=-1.0)
 
 
 def test_catalogue():

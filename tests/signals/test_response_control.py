@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
-from iwanjax.signals import resonance_from_control
+from iwanjax.signals import read_response_control, resonance_from_control
 from iwanjax.studies import load_study
 
 MASS, ZETA = 0.7, 0.004
@@ -116,7 +116,7 @@ def written(tmp_path, derivatives: int, told=lambda phase: phase, **more):
 def test_a_file_may_tell_its_phase_in_any_way(tmp_path, derivatives, sign, of_displacement):
     turned = 0.5 * np.pi * derivatives if of_displacement else 0.0
     path, frequency = written(tmp_path, derivatives, lambda phase: sign * (phase - turned))
-    curves = ij.read_response_control(path, name="mode 1")
+    curves = read_response_control(path, name="mode 1")
     np.testing.assert_allclose(curves.frequency, frequency, rtol=1e-9)
     np.testing.assert_allclose(curves.damping, ZETA, rtol=1e-6)
     assert HEADER[derivatives].startswith(curves.quantity)
@@ -124,10 +124,10 @@ def test_a_file_may_tell_its_phase_in_any_way(tmp_path, derivatives, sign, of_di
 
 def test_levels_are_taken_by_their_labels(tmp_path):
     path, frequency = written(tmp_path, 2, exponent=-0.08)
-    curves = ij.read_response_control(path, [1.0, 4.0])
+    curves = read_response_control(path, [1.0, 4.0])
     np.testing.assert_allclose(curves.frequency, frequency[[0, 2]], rtol=1e-6)
     with pytest.raises(ij.InputError, match=r"control.csv: no level 3; the file has 1, 2, 4"):
-        ij.read_response_control(path, [1.0, 3.0])
+        read_response_control(path, [1.0, 3.0])
 
 
 @pytest.mark.parametrize(
@@ -142,16 +142,16 @@ def test_a_column_that_is_missing_is_told(tmp_path, old, new, told):
     path, _ = written(tmp_path, 2)
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ij.InputError, match=told):
-        ij.read_response_control(path)
+        read_response_control(path)
 
 
 def test_a_phase_that_is_none_is_refused(tmp_path):
     path, _ = written(tmp_path, 2, np.degrees)
     with pytest.raises(ij.InputError, match=r"phase_rad goes to .*degrees"):
-        ij.read_response_control(path)
+        read_response_control(path)
     path, _ = written(tmp_path, 0, np.zeros_like)
     with pytest.raises(ij.InputError, match=r"no mode has positive mass, stiffness and damping"):
-        ij.read_response_control(path)
+        read_response_control(path)
 
 
 def test_a_study_takes_response_control_of_a_mode(tmp_path):

@@ -16,6 +16,7 @@ from iwanjax.discrepancy.findings import Errors
 from iwanjax.discrepancy.steady.cycle import beside, shows
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
 from iwanjax.errors import InputError
+from iwanjax.plotting import plot_diagnosis, plot_explained
 from iwanjax.quasistatic.modal import about
 
 OMEGA2, PHI = TRUTH.omega_0**2, TRUTH.phi_max
@@ -120,12 +121,12 @@ def test_parameters_that_leave_much_open_are_said(told, times, said):
 
 def test_the_pictures_show_both(told):
     for found in told.values():
-        figure = ij.plot_explained(found)
+        figure = plot_explained(found)
         f, zeta, _, _ = figure.axes
         assert f.get_ylabel().endswith("(Hz)")
         assert len(f.get_lines()) >= 1 + found.detected
         assert zeta.get_yscale() == "log"
-        assert ij.plot_diagnosis(found).axes
+        assert plot_diagnosis(found).axes
     with pytest.raises(InputError, match="plot_explained"):
         ij.plotting.plot_prediction(told["none"])
 

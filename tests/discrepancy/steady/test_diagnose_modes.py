@@ -13,6 +13,7 @@ from iwanjax.discrepancy import CATALOGUE, ForceKind
 from iwanjax.discrepancy.steady.cycle import beside
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.errors import InputError
+from iwanjax.plotting import plot_diagnosis, plot_explained
 from iwanjax.quasistatic.modal import about
 
 STIFFNESS = chain.TRUTH["K_T"]
@@ -95,9 +96,9 @@ def test_places_that_are_alike_are_said(curves):
 
 
 def test_the_pictures_show_all_modes(told):
-    figure = ij.plot_explained(told["cubic_stiffness"])
+    figure = plot_explained(told["cubic_stiffness"])
     assert [ax.get_title(loc="left") for ax in figure.axes[::4]] == ["mode 0", "mode 1", "mode 2"]
-    assert len(ij.plot_diagnosis(told["none"]).axes) >= 1
+    assert len(plot_diagnosis(told["none"]).axes) >= 1
 
 
 @pytest.mark.long
