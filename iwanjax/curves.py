@@ -47,6 +47,16 @@ class ModalCurves(AbstractResult, eqx.Module):
     ------
     InputError
         When the arrays are not numbers or their shapes do not match ``amplitude``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> q = np.array([1e-3, 1e-2, 1e-1])
+    >>> curves = ij.ModalCurves(q, 10.0 - q, 1e-3 + 0.1 * q, name="first bending")
+    >>> velocity = curves.as_quantity("velocity")  # amplitudes times 2 pi f
+    >>> velocity.quantity, round(float(velocity.amplitude[0]), 4)
+    ('velocity', 0.0628)
     """
 
     amplitude: Float[Array, "*batch levels"]

@@ -2,16 +2,63 @@
 
 
 class IwanjaxError(Exception):
-    """Base of every error raised on purpose; the command line prints it as one line."""
+    """Base of every error raised on purpose; the command line prints it as one line.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> try:
+    ...     ij.load_study("nowhere.yaml")
+    ... except ij.IwanjaxError as error:
+    ...     print(type(error).__name__)
+    InputError
+    """
 
 
 class InputError(IwanjaxError, ValueError):
-    """An argument, array or file that cannot be used as it is."""
+    """An argument, array or file that cannot be used as it is.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> try:
+    ...     ij.Jenkins(F_S=-1.0, K_T=2.0)
+    ... except ij.InputError as error:
+    ...     print(error)
+    Jenkins: F_S = -1 (slip force) lies outside (0, inf)
+    """
 
 
 class AccuracyError(InputError):
-    """A step, or a grid, at which a result would not be what it claims to be."""
+    """A step, or a grid, at which a result would not be what it claims to be.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> hammering = 100.0 * np.tile([1.0, -1.0], 100)
+    >>> try:
+    ...     ij.simulate(ij.three_mass(), hammering, 2000.0, inputs=[0, 0, 1])
+    ... except ij.AccuracyError as error:
+    ...     print("try steps of" in str(error))
+    True
+    """
 
 
 class PrecisionError(IwanjaxError, RuntimeError):
-    """A computation that needs float64 in a session that computes in float32."""
+    """A computation that needs float64 in a session that computes in float32.
+
+    Examples
+    --------
+    >>> import jax
+    >>> import iwanjax as ij
+    >>> chain = ij.three_mass()
+    >>> jax.config.update("jax_enable_x64", False)
+    >>> try:
+    ...     ij.qsma(chain, 0, [1.0])
+    ... except ij.PrecisionError as error:
+    ...     print(type(error).__name__)
+    ... finally:
+    ...     jax.config.update("jax_enable_x64", True)
+    PrecisionError
+    """

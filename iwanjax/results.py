@@ -264,7 +264,18 @@ def _size(value: Any) -> str:
 
 
 class Result(enum.IntEnum):
-    """Outcome of one solve; results that are not ``CONVERGED`` come with NaN values."""
+    """Outcome of one solve; results that are not ``CONVERGED`` come with NaN values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> solution = ij.qsma(ij.three_mass(), 0, np.geomspace(1e-2, 1.0, 5), 1e-4)
+    >>> bool((solution.result == ij.Result.CONVERGED).all())
+    True
+    >>> ij.Result.NO_EQUILIBRIUM.message
+    'no static equilibrium: every joint that could carry this load slips; lower alpha'
+    """
 
     CONVERGED = 0
     EXHAUSTED = 1

@@ -79,6 +79,20 @@ class Diagnosis(AbstractResult):
     model : JointedStructure or None
         The structure with its joints refitted and, where something is missing, with it: ready to
         simulate. None for curves and loops, and where it could not be built.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> d = np.concatenate([np.linspace(0, 2, 40), np.linspace(2, -2, 80), np.linspace(-2, 2, 80)])
+    >>> joint = ij.Jenkins(F_S=1.0, K_T=1.0)
+    >>> noise = 1e-3 * np.random.default_rng(0).standard_normal(d.size)
+    >>> loop = ij.ForceLoop(d, ij.hysteresis(joint, d) + noise)
+    >>> verdict = ij.diagnose(joint, loop, hypotheses=["cubic_stiffness", "stiffness_error"])
+    >>> verdict.verdict.name, verdict.what
+    ('nothing_missing', ())
+    >>> verdict.statement()[:18]
+    'Nothing is missing'
     """
 
     verdict: Verdict

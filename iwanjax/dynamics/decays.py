@@ -117,6 +117,19 @@ def modal_decays(
     InputError
         As :func:`~iwanjax.simulate`, and for modes that do not exist, shapes that are two of
         one mode, or bands that do not match them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> from iwanjax.dynamics import half_sine
+    >>> chain, dt = ij.three_mass(zeta=2e-3), 0.2
+    >>> push = half_sine(dt * np.arange(8000), 1.0, 0.5)[:, None]  # on the third mass
+    >>> decays = ij.modal_decays(chain, push, dt, inputs=[[0, 0, 1]])
+    >>> decays.velocity.shape  # cases, samples, modes
+    (1, 8000, 3)
+    >>> round(float(decays.ringdowns[0][0].curves.frequency[-1]), 4)  # Hz, of the first mode
+    0.0676
     """
     low = structure.modes("low")
     asked = range(low.omega.shape[0]) if modes is None else modes

@@ -63,6 +63,14 @@ def nonlinear_modes(
     ------
     InputError, PrecisionError
         As for :func:`harmonic_response`, and for a mode that does not exist.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> joint = ij.Iwan4(F_S=1.0, K_T=1.0, chi=-0.5, beta=1.0)
+    >>> curves = ij.nonlinear_modes(ij.oscillator(stiffness=3.0, joint=joint), 0, [0.1, 0.2])
+    >>> curves.frequency.round(4).tolist(), curves.damping.round(4).tolist()
+    ([0.3148, 0.3133], [0.0028, 0.004])
     """
     require_double_precision("nonlinear_modes")
     q = jnp.atleast_1d(positive(levels, "levels"))

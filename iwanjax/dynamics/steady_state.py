@@ -167,6 +167,14 @@ def harmonic_response(
         without the first.
     PrecisionError
         When JAX computes in float32.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> mode = ij.oscillator(stiffness=3.0, joint=ij.Jenkins(F_S=1.0, K_T=1.0), zeta=0.01)
+    >>> response = ij.harmonic_response(mode, 0.04, [1.9, 2.0, 2.1])
+    >>> round(float(response.amplitude()[1, 0]), 3)
+    0.5
     """
     require_double_precision("harmonic_response")
     F, w = positive(force, "force"), positive(omega, "omega")
@@ -235,6 +243,14 @@ def controlled_response(
     ------
     InputError, PrecisionError
         As for :func:`harmonic_response`.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> mode = ij.oscillator(stiffness=3.0, joint=ij.Jenkins(F_S=1.0, K_T=1.0), zeta=0.01)
+    >>> response = ij.controlled_response(mode, 0.5, [1.9, 2.0, 2.1])
+    >>> round(float(abs(response.force[1])), 4)  # 2 zeta omega^2 q at resonance, the joint sticking
+    0.04
     """
     require_double_precision("controlled_response")
     u, w = positive(level, "level"), positive(omega, "omega")

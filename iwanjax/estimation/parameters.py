@@ -45,6 +45,13 @@ class Parameter:
     ------
     InputError
         For bounds that cross, a transform that does not suit them, a value outside them.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> k = ij.Parameter("k", 2.0, ij.LogUniform(0.1, 10.0), lower=0.1, upper=10.0, transform="log")
+    >>> k.name, k.value
+    ('k', 2.0)
     """
 
     name: str

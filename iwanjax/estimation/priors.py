@@ -33,6 +33,13 @@ class Uniform(AbstractPrior):
     ----------
     low, high : float
         Ends, in the parameter's unit.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> prior = ij.Uniform(low=0.0, high=4.0)
+    >>> round(float(prior.log_density(1.0)), 4)  # -log 4
+    -1.3863
     """
 
     low: Array = eqx.field(converter=real)
@@ -59,6 +66,13 @@ class LogUniform(AbstractPrior):
     ----------
     low, high : float
         Ends, in the parameter's unit.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> prior = ij.LogUniform(low=1.0, high=100.0)
+    >>> round(float(prior.log_density(10.0)), 4)  # -log(10 log 100)
+    -3.8298
     """
 
     low: Array = eqx.field(converter=real)
@@ -87,6 +101,13 @@ class Normal(AbstractPrior):
     ----------
     mean, std : float
         In the parameter's unit.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> prior = ij.Normal(mean=0.0, std=1.0)
+    >>> round(float(prior.log_density(0.0)), 4)  # -log(2 pi) / 2
+    -0.9189
     """
 
     mean: Array = eqx.field(converter=real)
@@ -117,6 +138,13 @@ class LogNormal(AbstractPrior):
         In the parameter's unit.
     sigma : float
         Deviation of the natural logarithm, 1.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> prior = ij.LogNormal(median=2.0, sigma=0.5)
+    >>> round(float(prior.log_density(2.0)), 4)
+    -0.9189
     """
 
     median: Array = eqx.field(converter=real)

@@ -103,6 +103,15 @@ class AbstractJoint(eqx.Module):
     All methods are elementwise in the deflection and broadcast against parameters
     that are arrays, so one object can carry a batch of parameter sets. Forces are
     those the element opposes to a growing d.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> joints = [ij.LinearSpring(k=2.0), ij.Jenkins(F_S=1.0, K_T=2.0)]
+    >>> all(isinstance(joint, ij.AbstractJoint) for joint in joints)
+    True
+    >>> [float(joint.secant(1.0)) for joint in joints]
+    [2.0, 1.0]
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]]

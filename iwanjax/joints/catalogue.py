@@ -64,6 +64,22 @@ def register_joint(name: str, kind: type[AbstractJoint]) -> None:
     InputError
         When the name is taken by another element, the class is not a joint, or a search would
         not know where to begin with its parameters.
+
+    Examples
+    --------
+    >>> import equinox as eqx
+    >>> import jax
+    >>> import jax.numpy as jnp
+    >>> import iwanjax as ij
+    >>> from iwanjax.joints import AbstractStepped, ParameterInfo
+    >>> class Softening(AbstractStepped):
+    ...     parameters = (ParameterInfo("k_s", "force/length", "stiffness at rest"),)
+    ...     k_s: jax.Array = eqx.field(converter=jnp.asarray)
+    ...     def follow(self, motion, memory):
+    ...         return self.k_s * jnp.tanh(motion.d), memory
+    >>> ij.register_joint("example_softening", Softening)
+    >>> float(ij.hysteresis(Softening(k_s=2.0), [0.0, 100.0], dt=1.0)[-1])
+    2.0
     """
     if not (isinstance(kind, type) and issubclass(kind, AbstractJoint)):
         raise InputError(f"register_joint({name!r}): expected a subclass of AbstractJoint")

@@ -26,6 +26,13 @@ class Dashpot(AbstractForceLaw):
     ----------
     c : float or array
         Viscous coefficient, force x time/length.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> lost = ij.Dashpot(c=0.5).dissipation(2.0, omega=3.0)  # pi c omega d^2 in a cycle
+    >>> round(float(lost), 4)
+    18.8496
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (

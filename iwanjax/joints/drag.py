@@ -25,6 +25,13 @@ class QuadraticDrag(AbstractForceLaw):
     ----------
     c : float or array
         Coefficient, force x time^2/length^2.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> lost = ij.QuadraticDrag(c=3.0).dissipation(1.0, omega=1.0)  # 8/3 c omega^2 d^3 in a cycle
+    >>> round(float(lost), 4)
+    8.0
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (

@@ -50,6 +50,13 @@ def hysteresis(
     InputError
         For values that are not finite, a step that is not positive, and rate-dependent
         elements without one.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> joint = ij.Jenkins(F_S=1.0, K_T=1.0)
+    >>> ij.hysteresis(joint, [0.0, 2.0, 1.0, -2.0]).tolist()  # sticks again after the reversal at 2
+    [0.0, 1.0, 0.0, -1.0]
     """
     d = as_real(d_history, "d_history")
     if d.ndim == 0:

@@ -66,6 +66,15 @@ class Iwan4(AbstractIwan):
     InputError
         For a parameter outside its bounds, not finite, or of a shape that does not
         broadcast with the others.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> joint = ij.Iwan4(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0)
+    >>> float(joint.backbone(100.0))  # macroslip
+    10.0
+    >>> round(float(joint.dissipation(1.0)), 4)
+    0.0265
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = IWAN_PARAMETERS

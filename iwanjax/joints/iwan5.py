@@ -66,6 +66,15 @@ class Iwan5(AbstractIwan):
     InputError
         For a parameter outside its bounds, not finite, or of a shape that does not
         broadcast with the others.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> joint = ij.Iwan5(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0, theta=0.8)
+    >>> float(joint.backbone(100.0))  # all sliders move: kinetic friction, theta F_S
+    8.0
+    >>> bool(joint.secant(1.0, d_max=100.0) < joint.secant(1.0))
+    True
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (

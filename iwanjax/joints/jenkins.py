@@ -33,6 +33,15 @@ class Jenkins(AbstractForceLaw):
         Slip force, force.
     K_T : float or array
         Stiffness of the spring, force/length.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> joint = ij.Jenkins(F_S=1.0, K_T=2.0)
+    >>> joint.backbone([0.25, 0.5, 3.0]).tolist()
+    [0.5, 1.0, 1.0]
+    >>> float(joint.dissipation(1.5))  # 4 F_S (d - F_S / K_T)
+    4.0
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (

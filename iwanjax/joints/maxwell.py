@@ -50,6 +50,13 @@ class Maxwell(AbstractForceLaw):
         Stiffness of the spring, force/length.
     c : float or array
         Viscous coefficient of the dashpot, force x time/length.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> element = ij.Maxwell(k=2.0, c=1.0)
+    >>> round(float(element.secant(1.0, omega=2.0)), 4)  # k / 2 where omega = k / c
+    1.0
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (

@@ -65,6 +65,12 @@ class LinearSpring(AbstractSpring):
     ----------
     k : float or array
         Stiffness, force/length.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.LinearSpring(k=2.0).backbone([-1.0, 3.0]).tolist()
+    [-2.0, 6.0]
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
@@ -111,6 +117,12 @@ class QuadraticSpring(AbstractSpring):
     ----------
     k2 : float or array
         Quadratic stiffness, force/length^2; its sign says to which side the element stiffens.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.QuadraticSpring(k2=2.0).backbone([-1.0, 1.0]).tolist()
+    [2.0, 2.0]
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
@@ -151,6 +163,12 @@ class CubicSpring(AbstractSpring):
     ----------
     k3 : float or array
         Cubic stiffness, force/length^3.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.CubicSpring(k3=2.0).backbone([-1.0, 2.0]).tolist()
+    [-2.0, 16.0]
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
@@ -194,6 +212,12 @@ class BilinearSpring(AbstractSpring):
     dk : float or array
         Stiffness that positive deflections meet in addition, force/length; negative for a
         contact that opens there.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.BilinearSpring(dk=2.0).backbone([-1.0, 1.0]).tolist()
+    [0.0, 2.0]
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
@@ -243,6 +267,14 @@ class Gap(AbstractSpring):
     ------
     InputError
         For a parameter outside its bounds, and other ``sides``.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.Gap(k=2.0, gap=0.5).backbone([-1.0, 0.2, 1.0]).tolist()
+    [-1.0, 0.0, 1.0]
+    >>> ij.Gap(k=2.0, gap=0.5, sides="positive").backbone([-1.0, 1.0]).tolist()
+    [0.0, 1.0]
     """
 
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (

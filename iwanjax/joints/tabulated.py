@@ -28,6 +28,13 @@ class Tabulated(AbstractSpring):
     ------
     InputError
         For tables of other shapes, not finite or not increasing in d.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> stop = ij.Tabulated(d=[-1.0, 0.0, 1.0], force=[-1.0, 0.0, 3.0])
+    >>> stop.backbone([-0.5, 0.5, 2.0]).tolist()
+    [-0.5, 1.5, 6.0]
     """
 
     # The table is what the element is, not a parameter that a fit would move. Its points are

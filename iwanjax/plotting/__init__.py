@@ -91,6 +91,14 @@ def plot(obj: Any, **options: Any) -> Figure:
     ------
     InputError
         For an object that has no figure.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> figure = ij.plot(ij.qsma(ij.three_mass(), 0, np.geomspace(1e-2, 1.0, 5), 1e-4))
+    >>> len(figure.axes)
+    3
     """
     if isinstance(obj, StudyResults):
         return plot(obj.only, **options)

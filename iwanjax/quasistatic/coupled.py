@@ -112,6 +112,14 @@ def coupled_modes(
         batches of parameter sets.
     PrecisionError
         When JAX computes in float32.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> alone, both = [1.0, 0.0, 0.0], [1.0, 0.0, 3.0]
+    >>> modes = ij.coupled_modes(ij.three_mass(), [alone, both], 1e-4)
+    >>> bool(modes.frequency[1, 0] < modes.frequency[0, 0])  # the third mode makes the joint softer
+    True
     """
     require_double_precision("coupled_modes")
     structure.require_joints("coupled_modes")

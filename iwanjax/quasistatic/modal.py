@@ -65,6 +65,15 @@ class ModalOscillator(eqx.Module):
     InputError
         For a frequency that is not positive, a negative damping, or a joint that alone is
         stiffer than the frequency allows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> mode = ij.ModalOscillator(10.0, 1e-3, ij.Iwan4(F_S=1.0, K_T=500.0, chi=-0.5, beta=1.0))
+    >>> f, zeta = mode.ringdown_frequency_and_damping(np.array([1e-5, 1e-3]))
+    >>> bool(f[1] < f[0] < 10.0), bool(zeta[1] > zeta[0] > 1e-3)
+    (True, True)
     """
 
     f_0: Array

@@ -48,6 +48,16 @@ class QsmaSolution(AbstractResult, eqx.Module):
         What was analysed.
     modes : tuple of int
         The modes that were analysed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> solution = ij.qsma(ij.three_mass(), 0, np.geomspace(1e-2, 1.0, 5), 1e-4)
+    >>> solution.deflection.shape  # levels, joints
+    (5, 1)
+    >>> np.allclose(solution.alpha / solution.q, (2 * np.pi * solution.curves.frequency) ** 2)
+    True
     """
 
     curves: ModalCurves
@@ -175,6 +185,16 @@ def qsma(
         negative damping, parameter batches that do not match.
     PrecisionError
         When JAX computes in float32.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> solution = ij.qsma(ij.three_mass(), 0, np.geomspace(1e-2, 1.0, 5), 1e-4)
+    >>> solution.curves.frequency.shape
+    (5,)
+    >>> bool(solution.curves.damping[-1] > solution.curves.damping[0] > 1e-4)
+    True
     """
     require_double_precision("qsma")
     if not isinstance(structure, JointedStructure):

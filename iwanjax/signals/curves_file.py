@@ -59,6 +59,19 @@ def read_curves(
     InputError
         One line naming the file and the column: missing, misspelt, twice, not finite,
         fewer than 3 points, amplitude or frequency not positive, damping in percent.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     f, zeta = [10.0, 9.9, 9.8], [1e-3, 2e-3, 3e-3]
+    ...     np.savez(f"{folder}/mode.npz", amplitude=[1.0, 2.0, 3.0], frequency=f, damping=zeta)
+    ...     curves = ij.read_curves(f"{folder}/mode.npz")
+    >>> curves.frequency.tolist()
+    [10.0, 9.9, 9.8]
     """
     path, held = _read(path)
     try:

@@ -137,6 +137,16 @@ def band_pass(
     InputError
         For a signal that is not a row of finite numbers, and a band that is not two rising
         frequencies below half the sampling rate.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.arange(2048) / 2048
+    >>> both = np.sin(2 * np.pi * 50 * t) + np.sin(2 * np.pi * 300 * t)
+    >>> one = ij.band_pass(both, 2048, (30, 80))
+    >>> float(np.abs(one - np.sin(2 * np.pi * 50 * t))[500:-500].max()) < 0.01
+    True
     """
     checked = check_band(band, sampling_rate)
     return np.real(analytic_signal(np.asarray(signal, float), sampling_rate, checked, order))
@@ -165,6 +175,15 @@ def modal_filter(responses: ArrayLike, shapes: ArrayLike) -> np.ndarray:
     ------
     InputError
         When the shapes do not match the sensors, or the sensors cannot tell the modes apart.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> shapes = np.array([[1.0, 1.0], [1.0, -1.0]])  # two sensors, two modes
+    >>> q = np.random.default_rng(0).standard_normal((100, 2))
+    >>> bool(np.allclose(ij.modal_filter(q @ shapes.T, shapes), q))
+    True
     """
     u, Phi = np.asarray(responses, float), np.asarray(shapes, float)
     if u.ndim != 2 or Phi.ndim != 2 or u.shape[1] != Phi.shape[0]:

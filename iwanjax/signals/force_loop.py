@@ -40,6 +40,15 @@ class ForceLoop(AbstractResult):
     InputError
         For other shapes, fewer than 8 values, values that are not finite, a deflection or a
         force that never changes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> d = np.concatenate([np.linspace(0, 2, 20), np.linspace(2, -2, 40), np.linspace(-2, 2, 40)])
+    >>> loop = ij.ForceLoop(d, ij.hysteresis(ij.Jenkins(F_S=1.0, K_T=1.0), d), name="J1, 2 mm")
+    >>> loop.d.shape, float(np.max(loop.force))
+    ((100,), 1.0)
     """
 
     d: np.ndarray

@@ -10,25 +10,22 @@ from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.results import AbstractResult
 from iwanjax.signals.clipping import refuse_clipped
-from iwanjax.signals.decay import Noise, centred, decay_span, measured_noise, plan_intervals
-from iwanjax.signals.filters import analytic_signal, band_pass_gain, check_band, check_signal
+from iwanjax.signals.decay import centred, decay_span, measured_noise, plan_intervals
+from iwanjax.signals.decay_checks import (
+    NORMAL,
+    SURE,
+    checked_signal,
+    refuse_beats,
+    refuse_no_decay,
+)
+from iwanjax.signals.filters import analytic_signal, band_pass_gain, check_band
 from iwanjax.types import ArrayLike
 
-_FEWEST_SAMPLES = 64
 # Multiples of the correction to the midpoint and of that to the acceleration's envelope that
 # are taken as their deviations: beside a kink the first is wrong by up to twice itself, the
 # second is known to a tenth.
 _DOUBT, _DOUBT_OF_CONVENTION = 2.0, 0.1
 _FEWEST_INTERVALS = 3
-# Of the highest amplitude, what the lowest must be below for a signal to be a decay.
-_LEAST_DECAY = 0.8
-# or as many deviations of its noise, where it falls by less.
-_CLEAR_DECAY = 30.0
-# A normal deviation over the median of its size.
-_NORMAL = 1.4826
-# Deviations by which a damping is negative for sure; scatter of its logarithm from level to
-# level which no joint shows, and levels needed to tell.
-_SURE, _LARGEST_SCATTER, _ENOUGH_FOR_SCATTER = 4.0, 0.2, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +87,16 @@ def ringdown_curves(
     ------
     InputError
         As :func:`ringdown`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.arange(4096) / 2048
+    >>> decay = np.exp(-3 * t) * np.cos(2 * np.pi * 118 * t)
+    >>> curves = ij.ringdown_curves(decay, 2048, band=(90, 150), quantity="velocity")
+    >>> round(float(curves.damping[0]), 5)  # 3 / (2 pi 118)
+    0.00405
     """
     return ringdown(signal, sampling_rate, band, **options).curves
 
@@ -172,8 +179,18 @@ def ringdown(
     InputError
         For a signal that is not a row of finite numbers, too short, clipped, without
         decay, or lost in noise; for a band outside (0, half the sampling rate).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.arange(4096) / 2048
+    >>> decay = np.exp(-3 * t) * np.cos(2 * np.pi * 118 * t)
+    >>> ring = ij.ringdown(decay, 2048, (90, 150), "velocity")
+    >>> round(float(ring.curves.frequency[0]), 2)
+    118.0
     """
-    x = _checked_signal(signal)
+    x = checked_signal(signal)
     band = check_band(band, sampling_rate, order)
     if quantity not in QUANTITIES:
         raise InputError(f"quantity = {quantity!r}: expected one of {', '.join(QUANTITIES)}")
@@ -184,7 +201,7 @@ def ringdown(
     refuse_clipped(x[span.first : span.stop][span.settled :])
     psi_1, psi_2 = np.log(np.abs(z)), np.unwrap(np.angle(z))
     noise = measured_noise(z, sampling_rate, band, order, span.settled)
-    _refuse_no_decay(psi_1, slice(span.settled, noise.stop), band, noise)
+    refuse_no_decay(psi_1, slice(span.settled, noise.stop), band, noise)
     edges = plan_intervals(psi_1, sampling_rate, band, noise, span.settled, precision)
     if edges.size - 1 < _FEWEST_INTERVALS:
         raise InputError(
@@ -200,7 +217,7 @@ def ringdown(
     largest = float(np.max(np.abs(whole))) / float(np.exp(passed[0]))
     curves = _curves(lines, QUANTITIES[quantity], largest, quantity=quantity, unit=unit, name=name)
     # A beat bends lines as well: by what the noise leaves of them it is seen.
-    _refuse_beats(_curves(lines, QUANTITIES[quantity], largest, steps=False), band)
+    refuse_beats(_curves(lines, QUANTITIES[quantity], largest, steps=False), band)
     begin = span.first / sampling_rate
     return RingDown(
         curves,
@@ -291,7 +308,7 @@ def _curves(
     noise = to_middle**2 @ lines.slope_variance
     correction = to_middle - np.eye(lines.middle.size)
     # What the noise does to a correction is in its variance already.
-    own = _SURE * (correction**2 @ lines.slope_variance)
+    own = SURE * (correction**2 @ lines.slope_variance)
 
     # A slope over half an interval has eight times the variance.
     bend_variance = 16.0 * lines.slope_variance
@@ -301,8 +318,8 @@ def _curves(
         # value at the middle is that of either side: they alone would not tell.
         step = bend - 0.5 * (to_slope @ slopes) * lines.width
         # What bends all lines, such as a beat, is none.
-        common = _NORMAL * np.median(np.abs(step))
-        own_bend = _SURE**2 * np.maximum(bend_variance, common**2)
+        common = NORMAL * np.median(np.abs(step))
+        own_bend = SURE**2 * np.maximum(bend_variance, common**2)
         more = np.maximum(step**2 - own_bend, 0.0) if steps else 0.0
         return _DOUBT**2 * np.maximum((correction @ slopes) ** 2 - own, 0.0) + more
 
@@ -345,57 +362,3 @@ def _midpoint_operators(middle: np.ndarray, width: np.ndarray) -> tuple[np.ndarr
         inverse = np.linalg.inv(averages)
         value[i, near], slope[i, near] = inverse[0], inverse[1] / width[i]
     return value, slope
-
-
-def _checked_signal(signal: ArrayLike) -> np.ndarray:
-    """A row of enough finite numbers that vary."""
-    x = check_signal(signal)
-    if x.size < _FEWEST_SAMPLES:
-        raise InputError(f"signal has {x.size} samples; expected at least {_FEWEST_SAMPLES}")
-    if np.ptp(x) == 0.0:
-        raise InputError(f"signal is {x[0]:g} throughout; is the sensor connected?")
-    return x
-
-
-def _refuse_no_decay(
-    psi_1: np.ndarray, usable: slice, band: tuple[float, float], noise: Noise
-) -> None:
-    """The envelope must fall by a fifth, or many times its noise, from first to last eighth."""
-    inside = psi_1[usable]
-    share = max(1, inside.size // 8)
-    first, last = np.exp(np.mean(inside[:share])), np.exp(np.mean(inside[-share:]))
-    scatter = float(np.sqrt(np.max(noise.density) * (band[1] - band[0])))
-    if last > _LEAST_DECAY * first and first - last < _CLEAR_DECAY * scatter:
-        raise InputError(
-            f"ringdown: no decay in {band[0]:g} to {band[1]:g} Hz: the envelope goes from "
-            f"{first:.3g} to {last:.3g}; expected a free decay of one mode"
-        )
-
-
-def _refuse_beats(curves: ModalCurves, band: tuple[float, float]) -> None:
-    """The damping of one mode goes smoothly with its amplitude; that of two that beat does not."""
-    zeta, std = np.asarray(curves.damping), np.asarray(curves.damping_std)
-    grows = bool(np.any(zeta < -_SURE * std))
-    known = (zeta > 0) & (std < 0.2 * zeta)
-    scatter = 0.0
-    if np.count_nonzero(known) >= _ENOUGH_FOR_SCATTER:
-        scatter = _local_scatter(np.log(zeta[known]))
-    if grows or scatter > _LARGEST_SCATTER:
-        raise InputError(
-            f"ringdown: the envelope in {band[0]:g} to {band[1]:g} Hz beats: the damping "
-            f"{'turns negative' if grows else f'scatters by {100 * scatter:.0f} %'} along the "
-            "decay, far more than the noise lets it; the band holds more than one mode, narrow "
-            "it or use a modal filter"
-        )
-
-
-def _local_scatter(y: np.ndarray) -> float:
-    """Deviation of values about the cubic through their four neighbours, where it is common.
-
-    The median: at the onset of macroslip damping falls by ten within two levels, and only
-    there.
-    """
-    weights = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6.0
-    off = np.convolve(y, weights, mode="valid") - y[2:-2]
-    # The neighbours scatter as well.
-    return float(_NORMAL * np.median(np.abs(off)) / np.sqrt(1.0 + weights @ weights))

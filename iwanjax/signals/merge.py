@@ -135,6 +135,17 @@ def merge_curves(curves: Sequence[ModalCurves], levels: int | None = None) -> Me
     InputError
         For fewer than two curves, different quantities, missing deviations, or hits that
         share no amplitude.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> q, one = np.geomspace(1e-3, 1e-1, 20), np.ones(20)
+    >>> std = {"frequency_std": 1e-2 * one, "damping_std": 1e-4 * one}
+    >>> hits = [ij.ModalCurves(k * q, 10.0 - k * q, 1e-3 * one, **std) for k in (1.0, 2.0)]
+    >>> merged = ij.merge_curves(hits, levels=8)
+    >>> merged.curves.frequency.shape
+    (8,)
     """
     hits = tuple(curves)
     _check(hits)

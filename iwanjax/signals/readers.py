@@ -64,6 +64,13 @@ def read_recordings(
     InputError
         One line naming the file, the array or the line and column, what arrived, what was
         expected and what to try.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> hits = ij.read_recordings("configs/modal_ringdown/hit1.npz", quantity="velocity")
+    >>> len(hits), hits[0].sampling_rate
+    (1, 2048.0)
     """
     selection = Selection(time, response, force, sampling_rate, channels, inputs, quantity, unit)
     found = records(path, variable, selection)
@@ -103,6 +110,13 @@ def read_recording(
     ------
     InputError
         As for :func:`read_recordings`, and when ``index`` is missing or out of range.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> hit = ij.read_recording("configs/modal_ringdown/hit1.npz", quantity="velocity", unit="m/s")
+    >>> hit.response.shape, hit.channels[0].quantity
+    ((11264, 1), 'velocity')
     """
     selection = Selection(time, response, force, sampling_rate, channels, inputs, quantity, unit)
     found = records(path, variable, selection)

@@ -87,6 +87,15 @@ class Recording(AbstractResult):
         16 samples, NaN or infinity, a time that does not increase or is not uniform,
         channels of one name, a response that never changes or a force that is constant but
         not zero, as sensors are that are not connected.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.arange(1024) / 1024
+    >>> hit = ij.as_recording(np.exp(-t) * np.sin(300 * t), sampling_rate=1024, sensors="tip")
+    >>> type(hit).__name__, hit.response.shape, hit.sampling_rate
+    ('Recording', (1024, 1), 1024.0)
     """
 
     time: np.ndarray

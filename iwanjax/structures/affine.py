@@ -28,6 +28,15 @@ class Term(NamedTuple):
         To the stiffness; None for nothing.
     M : (n, n) array_like or None
         To the mass.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> added = ij.Term(M=np.diag([1.0, 0.0]))  # a mass on the first coordinate
+    >>> family = ij.AffineStructure(np.eye(2), np.eye(2), {"m": added})
+    >>> family.at({"m": 0.5}).M.tolist()
+    [[1.5, 0.0], [0.0, 1.0]]
     """
 
     K: ArrayLike | None = None
@@ -41,6 +50,13 @@ def spring(*rows: ArrayLike) -> Term:
     ----------
     rows : (n,) array_like
         One for each spring.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> np.asarray(ij.spring([-1.0, 1.0]).K).tolist()
+    [[1.0, -1.0], [-1.0, 1.0]]
     """
     B = np.stack([np.asarray(row, float) for row in rows])
     return Term(K=B.T @ B)
@@ -65,6 +81,15 @@ class AffineStructure(eqx.Module):
     ------
     InputError
         For matrices that are not square, finite, symmetric or of one size, and for no terms.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> springs = {"k1": ij.spring([1, 0]), "k2": ij.spring([-1, 1])}
+    >>> family = ij.AffineStructure(np.eye(2), np.zeros((2, 2)), springs)
+    >>> family.at({"k1": 2.0, "k2": 1.0}).K.tolist()
+    [[3.0, -1.0], [-1.0, 1.0]]
     """
 
     names: tuple[str, ...] = eqx.field(static=True)

@@ -34,6 +34,13 @@ def modal_assurance(
     References
     ----------
     Allemang and Brown, IMAC 1 (1982) 110.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> ij.modal_assurance(np.eye(2), np.array([[1.0, 1.0], [0.0, 1.0]])).round(2).tolist()
+    [[1.0, 0.5], [0.0, 0.5]]
     """
     a, b = jnp.asarray(first), jnp.asarray(second)
     Wa, Wb = (a, b) if weight is None else (jnp.asarray(weight) @ x for x in (a, b))

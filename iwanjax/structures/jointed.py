@@ -66,6 +66,16 @@ class JointedStructure(eqx.Module):
     InputError
         For rows of wrong length, zero or not finite, for things that are not joints, where
         the joints' stiffness makes the structure unstable, and for a batch of inertias.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> masses = ij.LinearStructure(np.eye(2), None, [[2.0, -1.0], [-1.0, 1.0]])
+    >>> joint = ij.Iwan4(F_S=1.0, K_T=0.5, chi=-0.5, beta=1.0)
+    >>> bolted = ij.JointedStructure(masses, {"J1": ([-1.0, 1.0], joint)})  # between the masses
+    >>> bolted.modes().omega.round(4).tolist()
+    [0.6472, 1.8924]
     """
 
     structure: LinearStructure

@@ -48,6 +48,14 @@ class LinearStructure(eqx.Module):
     InputError
         For matrices that are not square, finite, real, symmetric or of one size, and for
         a mass that is not positive definite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> structure = ij.LinearStructure(np.eye(2), None, [[2.0, -1.0], [-1.0, 1.0]])
+    >>> structure.modes().omega.round(4).tolist()
+    [0.618, 1.618]
     """
 
     M: Float[Array, "n n"]

@@ -33,6 +33,13 @@ def three_mass(
         Iwan4 with F_S = 10, K_T = 1, chi = -0.5, beta = 5 by default.
     zeta : float
         Damping ratio of each mode at low amplitude (2.25), 1; the thesis takes 1e-4.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> chain = ij.three_mass()
+    >>> chain.labels, chain.modes().omega.shape
+    (('J1',), (3,))
     """
     m, k = _positive(mass, "mass"), _positive(stiffness, "stiffness")
     structure = LinearStructure(
@@ -60,6 +67,13 @@ def oscillator(
         The element.
     zeta : float
         Damping ratio at low amplitude, 1.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> mode = ij.oscillator(stiffness=3.0, joint=ij.Jenkins(F_S=1.0, K_T=1.0), zeta=0.01)
+    >>> mode.modes().omega.tolist()  # the joint sticks: (3 + 1)^(1/2)
+    [2.0]
     """
     m, k = _positive(mass, "mass"), _positive(stiffness, "stiffness")
     structure = LinearStructure([[m]], None, [[k]])

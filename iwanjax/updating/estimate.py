@@ -113,6 +113,18 @@ def fit(
         do not match, a mode whose damping beside the joints is fixed at zero.
     PrecisionError
         When JAX computes in float32.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> q, one = np.geomspace(5e-4, 2e-2, 20), np.ones(20)
+    >>> mode = ij.ModalOscillator(10.0, 1e-3, ij.Jenkins(F_S=1.0, K_T=500.0))
+    >>> f, zeta = mode.ringdown_frequency_and_damping(q)
+    >>> curves = ij.ModalCurves(q, f, zeta, frequency_std=1e-3 * one, damping_std=1e-5 * one)
+    >>> solution = ij.fit("jenkins", curves)
+    >>> round(solution.values["F_S"], 3), round(solution.values["K_T"], 1)
+    (1.0, 500.0)
     """
     require_double_precision("fit")
     if not isinstance(starts, numbers.Integral) or starts < 1:

@@ -54,6 +54,13 @@ def positive_parameter(
     ------
     InputError
         For a value that is not positive and a factor that is not above 1.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> k = ij.positive_parameter("k", 2.0, 1.5, unit="N/m")  # 2, give or take a factor of 1.5
+    >>> k.transform, float(k.prior.median)
+    ('log', 2.0)
     """
     if not (value > 0 and factor > 1):
         raise InputError(
@@ -116,6 +123,19 @@ def update_linear(
         nor modes, and starts that end nowhere.
     PrecisionError
         When JAX computes in float32.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> springs = {"k1": ij.spring([1, 0]), "k2": ij.spring([-1, 1])}
+    >>> family = ij.AffineStructure(np.eye(2), np.zeros((2, 2)), springs)
+    >>> omega = family.at({"k1": 300.0, "k2": 200.0}).modes().omega
+    >>> measured = ij.MeasuredModes(omega / (2 * np.pi), frequency_std=1e-3)
+    >>> guess = {name: ij.positive_parameter(name, 250.0, 2.0) for name in springs}
+    >>> solution = ij.update_linear(family, measured, guess, modes=[0, 1])
+    >>> {name: round(value) for name, value in solution.values.items()}
+    {'k1': 300, 'k2': 200}
     """
     require_double_precision("update_linear")
     if not isinstance(starts, numbers.Integral) or starts < 1:

@@ -41,6 +41,14 @@ class MeasuredModes(AbstractResult):
     ------
     InputError
         For shapes that do not match the frequencies, and values that are not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> measured = ij.MeasuredModes([10.0, 25.0], frequency_std=0.05, shapes=np.eye(2))
+    >>> measured.frequency.shape, measured.shapes.shape  # modes; sensors, modes
+    ((2,), (2, 2))
     """
 
     frequency: np.ndarray

@@ -277,6 +277,16 @@ def modal_parameters(
     ------
     InputError
         For curves that cannot be fitted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> q = np.geomspace(1e-3, 1e-1, 20)
+    >>> std = {"frequency_std": np.full(20, 1e-3), "damping_std": np.full(20, 1e-5)}
+    >>> curves = ij.ModalCurves(q, 10.0 - q, 1e-3 + 0.1 * q, **std)
+    >>> list(ij.modal_parameters(ij.Jenkins, curves))
+    ['f_0', 'zeta_0', 'F_S', 'K_T']
     """
     several = [curves] if isinstance(curves, ModalCurves) else list(curves)
     measured = Measured.of(several)

@@ -64,6 +64,20 @@ class Posterior(AbstractResult):
         Steps thrown away.
     solution : FitSolution
         The fit it started from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> q, one = np.geomspace(5e-4, 2e-2, 20), np.ones(20)
+    >>> mode = ij.ModalOscillator(10.0, 1e-3, ij.Jenkins(F_S=1.0, K_T=500.0))
+    >>> f, zeta = mode.ringdown_frequency_and_damping(q)
+    >>> curves = ij.ModalCurves(q, f, zeta, frequency_std=1e-3 * one, damping_std=1e-5 * one)
+    >>> solution = ij.fit("jenkins", curves)
+    >>> posterior = ij.sample_posterior(solution, effective=100, walkers=20, most_steps=300)
+    >>> low, high = np.quantile(posterior.samples["F_S"], [0.025, 0.975])
+    >>> bool(low < 1.0 < high)
+    True
     """
 
     names: tuple[str, ...]

@@ -75,6 +75,19 @@ def sample_posterior(
     ------
     InputError
         For too few walkers, or a file that belongs to another fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> q, one = np.geomspace(5e-4, 2e-2, 20), np.ones(20)
+    >>> mode = ij.ModalOscillator(10.0, 1e-3, ij.Jenkins(F_S=1.0, K_T=500.0))
+    >>> f, zeta = mode.ringdown_frequency_and_damping(q)
+    >>> curves = ij.ModalCurves(q, f, zeta, frequency_std=1e-3 * one, damping_std=1e-5 * one)
+    >>> solution = ij.fit("jenkins", curves)
+    >>> posterior = ij.sample_posterior(solution, effective=100, walkers=20, most_steps=300)
+    >>> posterior.chain.shape[1:]  # walkers, parameters; a short walk, so posterior.enough is False
+    (20, 6)
     """
     problem = solution.problem
     density = Density.of(problem, solution.parameters)

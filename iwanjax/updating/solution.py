@@ -101,6 +101,20 @@ class FitSolution(AbstractResult):
         What was fitted, and the model at the same amplitudes.
     problem : AbstractProblem
         For a posterior.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> q, one = np.geomspace(5e-4, 2e-2, 20), np.ones(20)
+    >>> mode = ij.ModalOscillator(10.0, 1e-3, ij.Jenkins(F_S=1.0, K_T=500.0))
+    >>> f, zeta = mode.ringdown_frequency_and_damping(q)
+    >>> curves = ij.ModalCurves(q, f, zeta, frequency_std=1e-3 * one, damping_std=1e-5 * one)
+    >>> solution = ij.fit("jenkins", curves)
+    >>> solution.determined["F_S"], solution.active_bounds
+    (True, {})
+    >>> round(solution.model.f_0.item(), 3)
+    10.0
     """
 
     parameters: tuple[Parameter, ...]

@@ -199,6 +199,13 @@ def structural_parameters(
     InputError
         For groups that name unknown joints, joints twice, or joints of different type; for
         modes that do not exist or do not match the curves.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> parameters = ij.structural_parameters(ij.three_mass())
+    >>> list(parameters), parameters["J1.F_S"].value
+    (['J1.F_S', 'J1.K_T', 'J1.chi', 'J1.beta'], 10.0)
     """
     structure.require_joints("fit")
     found = {}

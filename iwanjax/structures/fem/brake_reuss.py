@@ -141,7 +141,15 @@ BRAKE_REUSS_INPUTS = {"s": Point((_GEOMETRY.length, _GEOMETRY.height, _GEOMETRY.
 
 
 def brake_reuss_joints() -> dict[str, Iwan4]:
-    """The tuned Iwan elements of Table 3.5 by joint row, N and mm."""
+    """The tuned Iwan elements of Table 3.5 by joint row, N and mm.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> joint = ij.brake_reuss_joints()["J3.x"]
+    >>> float(joint.chi), round(float(joint.K_T))  # 1, N/mm
+    (-0.271, 373450)
+    """
     return {
         name: Iwan4.from_distribution(
             R=R,
@@ -206,9 +214,12 @@ def brake_reuss_beam(
 
     Examples
     --------
-    >>> beam = brake_reuss_beam().model(BRAKE_REUSS_Y_SPRINGS)
-    >>> joints = {k: (beam.rows[k], joint) for k, joint in brake_reuss_joints().items()}
-    >>> system = JointedStructure(beam.structure, joints)
+    >>> import iwanjax as ij
+    >>> from iwanjax.structures.fem.brake_reuss import BRAKE_REUSS_Y_SPRINGS
+    >>> beam = ij.brake_reuss_beam(size=40.0, modes=3).model(BRAKE_REUSS_Y_SPRINGS)  # a coarse mesh
+    >>> joints = {name: (beam.rows[name], joint) for name, joint in ij.brake_reuss_joints().items()}
+    >>> ij.JointedStructure(beam.structure, joints).labels
+    ('J1.x', 'J2.x', 'J3.x', 'J4.x', 'J5.x')
     """
     options = {
         "size": size,

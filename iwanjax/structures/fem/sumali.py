@@ -103,7 +103,15 @@ SUMALI_SENSORS = {
 
 
 def sumali_joints() -> dict[str, Iwan4]:
-    """The Iwan elements of Sec. 2.3.2 by joint row, SI units."""
+    """The Iwan elements of Sec. 2.3.2 by joint row, SI units.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> joints = ij.sumali_joints()
+    >>> list(joints)
+    ['J1.x', 'J2.x', 'J3.x', 'J4.x']
+    """
     return {f"J{i}.x": Iwan4(F_S=30.7, K_T=4.73e8, chi=-0.23, beta=0.46) for i in _BOLTS}
 
 
@@ -169,6 +177,14 @@ def sumali_beam(
     ------
     InputError
         For options out of range, points off the beam, and where scikit-fem is missing.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> beam = ij.sumali_beam(size=0.05, modes=4).model()  # a coarse mesh
+    >>> joints = {name: (beam.rows[name], joint) for name, joint in ij.sumali_joints().items()}
+    >>> ij.JointedStructure(beam.structure, joints).labels
+    ('J1.x', 'J2.x', 'J3.x', 'J4.x')
     """
     options = {
         "size": size,
