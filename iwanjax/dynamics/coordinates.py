@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure
-from iwanjax.types import is_traced
+from iwanjax.types import ArrayLike, as_real, is_traced
 
 # Off-diagonal modal damping up to this share of the diagonal is none.
 _CLASSICAL = 1e-9
@@ -151,3 +151,52 @@ def _classical(damping: np.ndarray) -> bool:
     diagonal = np.diagonal(damping)
     coupled = np.max(np.abs(damping - np.diag(diagonal)))
     return bool(coupled <= _CLASSICAL * np.max(np.abs(diagonal)))
+
+
+def rows_of(rows: ArrayLike, name: str, n: int) -> Array:
+    """Rows of a structure of n coordinates, (rows, n); a single one may come without an axis.
+
+    Raises
+    ------
+    InputError
+        For another shape.
+    """
+    checked = jnp.atleast_2d(as_real(rows, name))
+    if checked.ndim != 2 or checked.shape[1] != n:
+        raise InputError(f"{name} has shape {checked.shape}; expected (rows, {n}) like M")
+    return checked
+
+
+def vector_of(values: ArrayLike, name: str, n: int) -> Array:
+    """A value for each coordinate, (n,).
+
+    Raises
+    ------
+    InputError
+        For another shape.
+    """
+    checked = as_real(values, name)
+    if checked.shape != (n,):
+        raise InputError(f"{name} has shape {checked.shape}; expected ({n},) like M")
+    return checked
+
+
+def force_of(force: ArrayLike, inputs: int) -> Array:
+    """Force histories, (N, inputs) or (batch, N, inputs); of one input also (N,).
+
+    Raises
+    ------
+    InputError
+        For another shape, or a single sample.
+    """
+    f = as_real(force, "force")
+    if f.ndim == 1 and inputs == 1:
+        f = f[:, None]
+    if f.ndim not in (2, 3) or f.shape[-1] != inputs:
+        raise InputError(
+            f"force has shape {f.shape}; expected (N, {inputs}), a column for each "
+            "input or coordinate, or a batch of such"
+        )
+    if f.shape[-2] < 2:
+        raise InputError(f"force has {f.shape[-2]} sample(s); expected at least 2")
+    return f

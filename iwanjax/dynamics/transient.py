@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.compiler import warn_of_slow_loops
-from iwanjax.dynamics.coordinates import modal_coordinates
+from iwanjax.dynamics.coordinates import force_of, modal_coordinates, rows_of, vector_of
 from iwanjax.dynamics.energy import Energies, accounts
 from iwanjax.dynamics.error_estimate import group_size, relative_error
 from iwanjax.dynamics.integration import Options, Quantity, Run, run
@@ -223,14 +223,14 @@ def simulate(
         )
     warn_of_slow_loops()
     n = structure.structure.size
-    rows_in = jnp.eye(n) if inputs is None else _rows(inputs, "inputs", n)
-    rows_out = jnp.eye(n) if sensors is None else _rows(sensors, "sensors", n)
-    f = _force(force, rows_in.shape[0])
+    rows_in = jnp.eye(n) if inputs is None else rows_of(inputs, "inputs", n)
+    rows_out = jnp.eye(n) if sensors is None else rows_of(sensors, "sensors", n)
+    f = force_of(force, rows_in.shape[0])
     _check_numbers(dt, every, substeps, method, keep, f.shape[-2])
     if accuracy is not None and not 0.0 < accuracy < math.inf:
         raise InputError(f"simulate: accuracy = {accuracy!r}; expected a positive number or None")
     initial = [
-        jnp.zeros(n) if given is None else _vector(given, name, n)
+        jnp.zeros(n) if given is None else vector_of(given, name, n)
         for given, name in ((displacement, "displacement"), (velocity, "velocity"))
     ]
     if "energy" in keep and modes is not None:
@@ -372,34 +372,6 @@ def _too_long(
         f"simulate: {what}; try steps of {step / factor:.2g} s, or take the response as it is "
         "with accuracy=None"
     )
-
-
-def _rows(rows: ArrayLike, name: str, n: int) -> Array:
-    checked = jnp.atleast_2d(as_real(rows, name))
-    if checked.ndim != 2 or checked.shape[1] != n:
-        raise InputError(f"{name} has shape {checked.shape}; expected (rows, {n}) like M")
-    return checked
-
-
-def _vector(values: ArrayLike, name: str, n: int) -> Array:
-    checked = as_real(values, name)
-    if checked.shape != (n,):
-        raise InputError(f"{name} has shape {checked.shape}; expected ({n},) like M")
-    return checked
-
-
-def _force(force: ArrayLike, inputs: int) -> Array:
-    f = as_real(force, "force")
-    if f.ndim == 1 and inputs == 1:
-        f = f[:, None]
-    if f.ndim not in (2, 3) or f.shape[-1] != inputs:
-        raise InputError(
-            f"force has shape {f.shape}; expected (N, {inputs}), a column for each "
-            "input or coordinate, or a batch of such"
-        )
-    if f.shape[-2] < 2:
-        raise InputError(f"force has {f.shape[-2]} sample(s); expected at least 2")
-    return f
 
 
 def _check_numbers(

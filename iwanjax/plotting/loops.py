@@ -72,7 +72,7 @@ def plot_loops(diagnosis: Diagnosis, *, length_unit: str = "m", force_unit: str 
     panels[0, 0].set_ylabel(with_unit("Force $F$", force_unit))
     panels[1, 0].set_ylabel(r"$\Delta/\sigma$ (–)")
     handles = [Line2D([], [], color=GREY, marker=".", ls="", label="measured")]
-    handles += [Line2D([], [], color=c, ls=style, label=told) for _, c, style, told in models]
+    handles += [Line2D([], [], color=c, ls=style, label=label) for _, c, style, label in models]
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
 

@@ -26,7 +26,7 @@ STEPPED: dict[str, Callable[..., ModalCurves]] = {
 
 @contextlib.contextmanager
 def blamed(place: str) -> Iterator[None]:
-    """What the library refuses in the block, told as a fault of the place."""
+    """What the library refuses in the block, as a fault of the place in the study."""
     try:
         yield
     except InputError as error:
@@ -34,7 +34,7 @@ def blamed(place: str) -> Iterator[None]:
 
 
 def recordings_of(entry: RecordingEntry) -> list[tuple[str, Recording]]:
-    """All time histories of an entry by name, faults told with its place in the study."""
+    """All time histories of an entry by name; faults name its place in the study."""
     if isinstance(entry.data, Recording):
         return [(entry.name, entry.data)]
     with blamed(entry.place):
@@ -45,7 +45,7 @@ def recordings_of(entry: RecordingEntry) -> list[tuple[str, Recording]]:
 
 
 def read_modal_curves(entry: RecordingEntry, name: str = "") -> ModalCurves:
-    """Curves of a mode, or what stepped sines say of it, faults told likewise."""
+    """Curves of a mode, or what stepped sines say of it; faults likewise."""
     if isinstance(entry.data, ModalCurves):
         return entry.data
     with blamed(entry.place):
@@ -55,7 +55,7 @@ def read_modal_curves(entry: RecordingEntry, name: str = "") -> ModalCurves:
 
 
 def read_force_loop(entry: RecordingEntry) -> ForceLoop:
-    """A joint's loop, faults told likewise."""
+    """A joint's loop; faults likewise."""
     if isinstance(entry.data, ForceLoop):
         return entry.data
     with blamed(entry.place):

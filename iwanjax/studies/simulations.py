@@ -74,7 +74,7 @@ def _cycle(joint: AbstractJoint, amplitude: Array, omega: float) -> tuple[Array,
 
 
 def simulated(case: SimulationCase) -> SimulatedResponse | DrivenJoint:
-    """A case computed, faults told with its place in the study."""
+    """A case computed; faults name its place in the study."""
     with blamed(case.place):
         return _driven(case) if case.joint is not None else _transient(case)
 

@@ -91,7 +91,7 @@ def as_recording(
 
 
 def _table(given: Any, what: str, name: str) -> _Table:
-    """What is given, as columns; pandas and xarray are told by what they have."""
+    """What is given, as columns; pandas and xarray are recognised by their attributes."""
     names = time = None
     if hasattr(given, "dims") and hasattr(given, "coords"):
         known = [given.coords.get(dim) for dim in given.dims]

@@ -41,7 +41,7 @@ _UNEXPLAINED = 1.25
 _LIKELY = 0.05
 # The same over held-out recordings, where parameters count with so many deviations.
 _UNFORESEEN, _DEVIATIONS = 1.5, 2.0
-# Evidences closer than this cannot be told apart.
+# Evidences closer than this do not decide.
 _ALIKE = 3.0
 
 
