@@ -1,0 +1,77 @@
+"""What diagnosis.json says of several diagnoses together."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from iwanjax.discrepancy import CATALOGUE, CurveRun, Diagnosis, LoopRun, Suspect
+from iwanjax.discrepancy.findings import Errors, Refitted
+from iwanjax.discrepancy.judgement import Misfit, judged
+from iwanjax.studies.verdicts import as_json
+
+NOTHING = judged(0.0, [-20.0], Misfit(1.0, 1.0))
+SOMETHING = judged(-50.0, [0.0], Misfit(9.0, 9.0), Misfit(1.0, 1.0))
+
+
+def run(kind):
+    if kind is LoopRun:
+        return LoopRun((), (), 0, ())
+    return CurveRun((), (), 0, 10.0, (1.0, 1.0))
+
+
+def diagnosis(name, verdict, before, kind=CurveRun):
+    """One of a mode or a joint of this name, with errors that are easily added as squares."""
+    cubic = CATALOGUE["cubic_stiffness"][0]
+    what = [Suspect(cubic, name, p, 0.0, ()) for p in verdict.named] if verdict.found else []
+    errors = Errors(before, 2.0 * before)
+    return Diagnosis(
+        verdict=verdict,
+        what=tuple(what),
+        before=errors,
+        after=errors,
+        noise_floor=errors,
+        noise_floor_95=errors,
+        parameter_spread=Errors(math.nan, math.nan),
+        refused=(),
+        indistinguishable=(),
+        observables=(),
+        scores=(),
+        joints=(Refitted(name, ()),),
+        runs=(run(kind), run(kind)),
+        sampling_rate=math.nan,
+        restoring=None,
+        warnings=(f"of {name}",),
+        complete=True,
+        seconds=2.0,
+    )
+
+
+def test_one_is_said_as_it_is():
+    said = as_json({"m1": diagnosis("m1", SOMETHING, 3.0)})
+    assert (said["verdict"], said["what"][0]["where"]) == ("something_missing", "m1")
+    assert said["fit"]["before"] == {"fit": 3.0, "hold_out": 6.0}
+    assert "modes" not in said
+
+
+def test_several_are_one_verdict_with_each_beside_it():
+    parts = {"m1": diagnosis("m1", NOTHING, 3.0), "m2": diagnosis("m2", SOMETHING, 4.0)}
+    said = as_json(parts)
+    assert (said["verdict"], said["detected"]) == ("something_missing", True)
+    assert said["probability_nothing_missing"] == pytest.approx(NOTHING.nothing * SOMETHING.nothing)
+    assert [each["where"] for each in said["what"]] == ["m2"]
+    # Root mean square of 3 and 4.
+    assert said["fit"]["before"]["fit"] == pytest.approx(math.sqrt(12.5))
+    assert said["fit"]["before"]["hold_out"] == pytest.approx(2.0 * math.sqrt(12.5))
+    assert said["warnings"] == ["of m1", "of m2"]
+    assert (list(said["joints"]), said["seconds"]) == (["m1", "m2"], 4.0)
+    assert said["modes"] == {name: as_json({name: part}) for name, part in parts.items()}
+
+
+def test_nothing_is_missing_where_it_is_from_no_part():
+    parts = {name: diagnosis(name, NOTHING, 1.0, LoopRun) for name in ("J1", "J2")}
+    said = as_json(parts)
+    assert (said["verdict"], said["detected"], said["what"]) == ("nothing_missing", False, [])
+    assert set(said["parts"]) == {"J1", "J2"}
+    parts["J2"] = replace(parts["J2"], complete=False)
+    assert not as_json(parts)["complete"]
