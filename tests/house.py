@@ -20,11 +20,11 @@ ROOT = Path(__file__).resolve().parents[1]
 BOUNDS = {
     "class names used twice": 0,
     "tuned numbers": 795,
-    "tuned numbers without a comment": 156,
+    "tuned numbers without a comment": 154,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
     "modules that index a parameter map": 0,
-    "public names": 124,
+    "public names": 76,
     "declared, never imported": 0,
 }
 """Counts of the whole package: they only fall. Lower a bound with the step that lowers its count;
@@ -41,7 +41,7 @@ MODULES = {
     "quasistatic": 9,
     "report": 3,
     "structures": 40,
-    "studies": 8,
+    "studies": 10,
     "updating": 17,
     "verbs": 9,
 }
