@@ -55,13 +55,21 @@ def _diagnosed(folder: Path) -> dict[str, Any]:
             [*command, "--out", f"{out}/out"], capture_output=True, text=True, check=False
         )
         seconds = time.perf_counter() - start
-        truth = _truth(folder)
         if run.returncode:
             last = (run.stderr.strip().splitlines() or ["no message"])[-1]
-            return {"truth": truth, "error": last, "seconds": seconds, "right": False}
+            return failed(folder, last, seconds)
         found = json.loads(Path(out, "out", "diagnosis.json").read_text())
-    said = _said(found)
-    nothing_said = found["verdict"] == "nothing_missing"
+    return judged(folder, found, seconds)
+
+
+def failed(folder: Path, error: str, seconds: float) -> dict[str, Any]:
+    """What a record keeps of a case that ended with an error."""
+    return {"truth": _truth(folder), "error": error, "seconds": seconds, "right": False}
+
+
+def judged(folder: Path, found: dict[str, Any], seconds: float) -> dict[str, Any]:
+    """What a record keeps of a case's diagnosis.json, beside the truth."""
+    truth, said = _truth(folder), _said(found)
     kept = {
         key: found[key]
         for key in (
@@ -75,7 +83,7 @@ def _diagnosed(folder: Path) -> dict[str, Any]:
         )
         if key in found
     }
-    right = said == truth and (bool(truth) or nothing_said)
+    right = said == truth and (bool(truth) or found["verdict"] == "nothing_missing")
     return {"truth": truth, "said": said, "right": right, "seconds": seconds, **kept}
 
 

@@ -1,5 +1,7 @@
 """Compiled kernels: residuals of a hypothesis, their derivatives, what a small suspect changes."""
 
+import math
+import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -17,7 +19,7 @@ from iwanjax.kernels import Kept
 from iwanjax.signals.comparison_band import in_band
 
 # A run that breaks down is far from the data, not a fault of the search.
-_BROKEN = 1e6
+_BROKEN = 1.0 / math.sqrt(sys.float_info.epsilon)
 
 
 def _weighted(

@@ -1,17 +1,16 @@
 """The observer: its gain for a time constant, and the state in which a free decay begins."""
 
 import math
+import sys
 
 import numpy as np
 from jaxtyping import Float
 
 from iwanjax.discrepancy.histories.predictor import Predictor
+from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
 
-# Exponents of ten between which the size of the process noise is looked for.
-_SIZES = (-14.0, 14.0)
-_ROUNDS = 40
-# Doublings of the horizon until the equation's solution stands still.
-_DOUBLINGS, _STILL = 60, 1e-10
+# Exponent of ten up to which, either way, the size of the process noise is looked for.
+_SIZES = 14.0
 
 
 def stepped(A: np.ndarray, dt: float) -> np.ndarray:
@@ -52,8 +51,11 @@ def observer_gain(step: np.ndarray, H: np.ndarray, dt: float, size: float) -> np
     G = turned @ H
     P = np.zeros_like(F) + size * np.diag(np.repeat([0.0, dt], states // 2))
     broken = np.zeros(step.shape[:-2], bool)
+    # Convergence is quadratic: half of the digits are all of them one doubling later.
+    resolution = math.sqrt(sys.float_info.epsilon)
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(_DOUBLINGS):
+        # So many doublings are more samples than any recording has.
+        for _ in range(64):
             inner = _solved(eye + G @ P, np.concatenate([F, G], axis=-1))
             mapped, weighed = inner[..., :states], inner[..., states:]
             back = np.swapaxes(F, -1, -2)
@@ -65,7 +67,7 @@ def observer_gain(step: np.ndarray, H: np.ndarray, dt: float, size: float) -> np
             broken |= ~np.all(np.isfinite(P), axis=(-2, -1))
             G, F, P = (np.where(broken[..., None, None], 0.0, x) for x in (G, F, P))
             change, size_now = (np.max(np.abs(x), axis=(-2, -1)) for x in (more, P))
-            if np.all(broken | (change <= _STILL * size_now)):
+            if np.all(broken | (change <= resolution * size_now)):
                 break
         seen = P @ turned
         gain = _solved(H @ seen + np.eye(H.shape[-2]), np.swapaxes(seen, -1, -2))
@@ -98,8 +100,8 @@ def process_noise(step: np.ndarray, H: np.ndarray, dt: float, time_constant: flo
     if math.isinf(time_constant):
         return 0.0
     eye = np.eye(step.shape[-1])
-    low, high = _SIZES
-    for _ in range(_ROUNDS):
+    low, high = -_SIZES, _SIZES
+    while high - low > math.sqrt(sys.float_info.epsilon):
         middle = 0.5 * (low + high)
         gain = observer_gain(step, H, dt, 10.0**middle)
         poles = np.linalg.eigvals((eye - gain @ H) @ step)
@@ -112,14 +114,11 @@ def process_noise(step: np.ndarray, H: np.ndarray, dt: float, time_constant: flo
     return 10.0 ** (0.5 * (low + high))
 
 
-# Memory of the observer that looks back, cycles, and cycles of the slowest mode that it sees.
-_TIME_CONSTANT_BACK, _SEEN = 1.0, 6.0
-# Share of its amplitude that each mode's state may be off by, and of the fastest one's rate.
-_OFF, _LEAST = 0.3, 0.02
-
-
 def released(
-    made: Predictor, response: Float[np.ndarray, "N sensors"], noise: Float[np.ndarray, " sensors"]
+    made: Predictor,
+    response: Float[np.ndarray, "N sensors"],
+    noise: Float[np.ndarray, " sensors"],
+    settings: ConditioningSettings = CONDITIONING,
 ) -> tuple[np.ndarray, np.ndarray]:
     """State at the first sample, and by how much it may be off.
 
@@ -134,6 +133,8 @@ def released(
         From when nothing touches the structure any more.
     noise : (sensors,) array
         Deviations.
+    settings : ConditioningSettings
+        Of the stage.
 
     Returns
     -------
@@ -143,15 +144,16 @@ def released(
     dt = float(made.dt) * made.substeps
     A, H = made.linear(np.asarray(made.stiffness), made.blank(), np.zeros(1))
     back = stepped(-A, dt)
-    size = process_noise(back, H / noise[:, None], dt, _TIME_CONSTANT_BACK)
+    size = process_noise(back, H / noise[:, None], dt, settings.back_time_constant)
     gain = observer_gain(back, H / noise[:, None], dt, size) / noise
     omega = np.sqrt(np.maximum(np.asarray(made.omega2), 1.0))
-    count = min(len(response), int(_SEEN * 2.0 * np.pi / (omega.min() * dt)) + 1)
+    count = min(len(response), int(settings.back_cycles * 2.0 * np.pi / (omega.min() * dt)) + 1)
     z = np.zeros(len(A))
     for y in response[count - 1 :: -1]:
         z = back @ z
         z = z + gain @ (y - H @ z)
     q, v = np.split(z, 2)
     amplitude = np.hypot(q, v / omega)
-    off = np.maximum(_OFF * amplitude, _LEAST * np.max(amplitude * omega) / omega)
+    least = settings.least_state_error * np.max(amplitude * omega) / omega
+    off = np.maximum(settings.state_error * amplitude, least)
     return z, np.diag(np.concatenate([off, off * omega]))

@@ -1,5 +1,6 @@
 """Which suspects would explain what the joints cannot."""
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -24,13 +25,6 @@ from iwanjax.discrepancy.histories.problem import (
     drifting_values,
     free_values,
 )
-
-# Share of the largest value a sensor showed, where it may have been cut: noise lies above.
-_LIMIT = 0.98
-# Share of a column's square below which the joints explain all of it.
-_EXPLAINED = 1e-12
-# Forces that are judged about the motion itself, those that promise most about the state of rest.
-_MOVING = 32
 
 
 class Candidate(NamedTuple):
@@ -113,7 +107,8 @@ def score_test(
         with np.errstate(over="ignore", invalid="ignore"):
             alone, toward = np.sum(h**2, axis=1), -(h @ left[: h.shape[1]])
             square = alone - np.sum((h @ basis[: h.shape[1]]) ** 2, axis=1)
-            usable = np.isfinite(square) & (square > _EXPLAINED * alone)
+            # Of a column that the joints explain all of rounding is left.
+            usable = np.isfinite(square) & (square > sys.float_info.epsilon**0.75 * alone)
         toward = np.where(usable, toward, 0.0)
         size = toward / np.where(usable, square, 1.0)
         return size, size * toward / total
@@ -150,13 +145,13 @@ def _judged(
     in_time: Callable[[], bool],
 ) -> Iterator[tuple[UnitEffect, float, float]]:
     """All with size and drop: about the motion itself, but for forces that promise little."""
-    found = np.zeros((2, len(forces)))
-    if len(forces) > _MOVING:
+    found, most = np.zeros((2, len(forces))), problem.settings.selection.moving
+    if len(forces) > most:
         for which, made in columns_at_rest(problem, base, forces):
             found[:, which] = rated(made)
     if not in_time():
         return
-    best = np.argsort(-found[1], kind="stable")[:_MOVING]
+    best = np.argsort(-found[1], kind="stable")[:most]
     moving = columns(problem, base, [*(forces[i] for i in best), *of_sensors])
     exact = np.array(rated(moving))
     found[:, best] = exact[:, : len(best)]
@@ -227,7 +222,7 @@ def _limits(
             continue
         for i, label in enumerate(sensors):
             if kind.acts == "limit":
-                limit = _LIMIT * float(largest[i])
+                limit = problem.settings.selection.cut * float(largest[i])
                 starts.append(hypotheses.sensor(problem, kind, i, label, z, limit))
             elif kind.fixed is not None:
                 starts.append(hypotheses.sensor(problem, kind, i, label, z, 0.0))
