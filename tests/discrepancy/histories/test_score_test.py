@@ -165,7 +165,9 @@ def test_without_an_effect_falls_are_chi_square(empty):
     found: dict[str, list[float]] = {}
     for _ in range(DRAWS):
         residual = np.asarray(compared(NOISE * random.standard_normal(weight.shape))) * weight
-        fitted = replace(empty.base, residual=residual)
+        solution = empty.base.solution
+        groups = solution.groups._replace(residual=residual)
+        fitted = replace(empty.base, solution=replace(solution, groups=groups))
         whole = np.append(residual.ravel(), z)
         left = whole - slope * (slope @ whole) / (slope @ slope)
         for label, each in empty._replace(base=fitted).scores(("viscous_damping",)).items():
