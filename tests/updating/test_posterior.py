@@ -433,7 +433,7 @@ def test_walkers_must_be_even_and_many(walkers):
 
 def test_a_prior_that_excludes_the_fit_is_refused():
     found = two_free()
-    away = replace(found.parameters[1], prior=ij.updating.Uniform(0.5, 0.6))
+    away = replace(found.parameters[1], prior=ij.Uniform(0.5, 0.6))
     told = replace(found, parameters=(found.parameters[0], away, *found.parameters[2:]))
     with pytest.raises(InputError, match="does a prior exclude it"):
         walk(solution=told)
