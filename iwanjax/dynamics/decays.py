@@ -90,7 +90,7 @@ def modal_decays(
     ----------
     structure : JointedStructure
         What is hit.
-    force : (N, inputs) or (cases, N, inputs) array_like
+    force : (N, inputs) or (N,) or (cases, N, inputs) array_like
         As for :func:`~iwanjax.simulate`; cases are integrated side by side.
     dt : float
         Step, s.
@@ -194,7 +194,8 @@ def modal_decays(
 
 def _last_force(force: np.ndarray, dt: float) -> float:
     """Time from which on there is no force, s."""
-    acting = np.flatnonzero(np.any(force.reshape(-1, *force.shape[-2:]), axis=(0, 2)))
+    columns = force[:, None] if force.ndim == 1 else force
+    acting = np.flatnonzero(np.any(columns.reshape(-1, *columns.shape[-2:]), axis=(0, 2)))
     return dt * float(acting[-1] + 1) if acting.size else 0.0
 
 

@@ -57,6 +57,14 @@ def test_the_decay_is_that_of_the_mode():
     np.testing.assert_allclose(ringdown.curves.frequency, REST[1], rtol=2e-3)
 
 
+def test_a_force_may_be_one_row_of_samples():
+    row = half_sine(DT * np.arange(SAMPLES), 1e-2, 2.0 * np.pi * REST[1])
+    options = {"inputs": modal_input(masses(), 1), "modes": [1]}
+    found = [ij.modal_decays(masses(), f, DT, **options) for f in (row, row[:, None])]
+    curves = [each.ringdowns[0][0].curves.frequency for each in found]
+    np.testing.assert_array_equal(curves[0], curves[1])
+
+
 def test_modes_that_no_corner_can_part_share_a_band():
     near = masses((10.0, 12.0, 12.0 * (1.0 + 1e-4), 30.0))
     force = np.zeros((100, 1))
