@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
+from iwanjax.discrepancy.wording import noun
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 FOLDER = CONFIGS / "concealed_spring"
@@ -46,6 +47,14 @@ def test_the_concealed_spring_is_found_and_predicts_the_hit_held_out(verdict):
     assert k3.value == pytest.approx(truth["k3"], abs=max(2.0 * k3.std, 0.01 * truth["k3"]))
     assert verdict.after.hold_out < 1.5 * verdict.noise_floor.hold_out
     assert verdict.before.hold_out > 0.1
+
+
+def test_the_next_best_explanation_is_next_by_evidence(verdict):
+    """All are excluded here: one more than another by hundreds of thousands."""
+    rival = max(verdict.what[1:], key=lambda each: each.log_evidence)
+    assert (rival.kind.name, rival.where) == ("gap_contact", "m3-ground")
+    said = noun(rival.kind, rival.where)
+    assert f"The next best explanation, {said}, is excluded" in verdict.report().doubt
 
 
 def test_the_corrected_model_simulates_and_the_diagnosis_is_saved(verdict, tmp_path):

@@ -232,9 +232,11 @@ class Diagnosis(AbstractResult):
                 doubts.append(f"These data cannot tell {each.label} from {', '.join(rivals)}")
         others = [each for each in self.what if each not in self.found]
         if self.verdict.found and others and not doubts:
-            next_best = noun(others[0].kind, others[0].where)
-            likely = f"has a probability of {others[0].probability:.2g}"
-            out = others[0].probability < settings().judgement.excluded
+            # Among those whose probability is nought the evidence still decides.
+            rival = max(others, key=lambda each: (each.probability, each.log_evidence))
+            next_best = noun(rival.kind, rival.where)
+            likely = f"has a probability of {rival.probability:.2g}"
+            out = rival.probability < settings().judgement.excluded
             doubts.append(
                 f"The next best explanation, {next_best}, {'is excluded' if out else likely}"
             )

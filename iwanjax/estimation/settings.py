@@ -7,8 +7,8 @@ from dataclasses import dataclass
 class SearchSettings:
     """How least squares is searched for.
 
-    Where a source is not named a number was tuned on the concealed cases of development
-    (``tests/concealed``).
+    None of them is derived: they are values that worked, and what halving and doubling them does
+    has not been measured.
 
     Attributes
     ----------
@@ -26,8 +26,7 @@ class SearchSettings:
         Levenberg-Marquardt's, over the second derivatives' diagonal: of the first step, and from
         which on no step is left to try; its least is one over the most.
     raised, eased : float
-        Its factors after a step that gained nothing, and after one that did: Transtrum & Sethna
-        (2012) raise it slowly and lower it fast.
+        Its factors after a step that gained nothing, and after one that did.
     leap : float
         Largest change of a logarithm in one step, 1.
     farthest : float
@@ -37,9 +36,10 @@ class SearchSettings:
     longest_kept : int
         Steps that derivatives are kept for at most.
     glimpse : float
-        Share of a step at which it is seen how a valley bends (Transtrum & Sethna 2012: 0.1).
+        Share of a step at which it is seen how a valley bends (the geodesic acceleration of
+        Transtrum & Sethna 2012).
     most_bent : float
-        The most that a step is bent by, over its length (the same: 0.75).
+        The most that a step is bent by, over its length.
     head_start, late : int
         Steps before a search may be given up, and before it may be for the root of the factor.
     alike : float

@@ -102,7 +102,8 @@ def _pictures(
     if verdict.restoring is not None:
         caption = (
             "What the place needs: the chosen law and what the recordings leave beside it, sample "
-            "by sample; it bends away from the law where that is wrong. Lines are the laws fitted."
+            "by sample. From velocities it bends away from the law where that is wrong; from "
+            "accelerations it does not, and is no evidence for the law. Lines are the laws fitted."
         )
         plots.append((caption, "restoring_force", plot_restoring))
     if verdict.scores:

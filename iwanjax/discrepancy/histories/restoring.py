@@ -28,7 +28,9 @@ def restoring_force(
     The best model follows the recording with a short memory. What accelerometers then show
     beyond it is a force over the inertia that it meets (with other sensors, what the observer
     has to add to the modal velocities at every sample); with the suspect's own force it makes
-    what the place needs: a partial residual, which bends away from the law where that is wrong.
+    what the place needs: a partial residual. From velocities it bends away from the law where that
+    is wrong. From accelerations it does not: their innovations hold the observer's own errors of
+    state as well, and what is recovered beyond the law says nothing of what lacks.
     Samples of a pulse are left out; where a force acts throughout, what it does is in the
     prediction, and all samples count.
 

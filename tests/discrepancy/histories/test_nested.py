@@ -153,7 +153,8 @@ def test_what_has_another_sign_or_place_or_is_no_limit_is_not_contained(searched
     large, small = begun(searched, "viscoelastic"), begun(searched, "stiffness_error")
     softer = small.fitted.theta.copy()
     softer[:, 4] = -1.0
-    softer = replace(small, fitted=replace(small.fitted, theta=softer))
+    solution = replace(small.fitted.solution, values=softer)
+    softer = replace(small, fitted=replace(small.fitted, solution=solution))
     assert widened(large, small, scope, problem)
     assert not widened(large, softer, scope, problem)
     hypotheses = {
