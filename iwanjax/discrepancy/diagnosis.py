@@ -206,7 +206,7 @@ class Diagnosis(AbstractResult):
             return "more than the signal, in a model that amplifies it without bound"
         often = (
             f", in one case of twenty {share(high)}"
-            if high > settings().judgement.notable * usual
+            if high > settings().judgement.often * usual
             else ""
         )
         return share(usual) + often
@@ -293,8 +293,7 @@ class Diagnosis(AbstractResult):
                 sizes(each.parameters),
                 ", ".join(each.joint_with),
             )
-            for each in self.what
-            if each is self.what[0] or each.probability >= settings().judgement.excluded
+            for each in self.what[: settings().judgement.listed]
         ]
         errors = [
             (name, share(errors.fit), share(errors.hold_out) if self._held else "")

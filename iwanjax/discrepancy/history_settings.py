@@ -23,8 +23,7 @@ class ConditioningSettings:
         Samples beside that which belong to a pulse.
     ringing : int, samples
         The same where modes lie so high that what a recorder's filter makes ring beside a pulse
-        moves them, though these samples bring noise with them; beyond as many what is between
-        samples has died away.
+        moves them, though these samples bring noise with them.
     high : float
         Share of the sampling rate above which a mode lies so high.
     fewest : int, samples
@@ -41,6 +40,8 @@ class ConditioningSettings:
         Share of a force's peak that its samples may be off by while it acts.
     force_parts : int
         Parts of a step between samples that a force is followed in.
+    tail : int, samples
+        Samples beside a pulse over which what is between them dies away.
     directions : int
         Directions in which the state after a pulse is uncertain.
     segment : int, samples
@@ -75,6 +76,7 @@ class ConditioningSettings:
     model_error: float = 0.002
     force_error: float = 0.01
     force_parts: int = 4
+    tail: int = 16
     directions: int = 6
     segment: int = 1024
     noise_bands: int = 20
@@ -103,57 +105,42 @@ class SelectionSettings:
     hopeless : float
         Share of the best one's drop from which on a suspect is worth a refit.
     first, second : int
-        Hypotheses that are refitted with the short and with the long time constant; the first ones
-        of all score tests: what is missing was among the first five of one.
+        Hypotheses that are refitted with a time constant of two and of eight cycles; the first ones
+        of all score tests: the missing effect ranked fifth or better in one of them.
     field : int
         Of the first how many go on after a few steps: in 25 of 27 cases the later winner led by
         then, in the others it was second or third.
-    several : int
-        Suspects that are refitted, where they come late: places for a joint, forces that were
-        probed, what appears with a longer memory.
-    finalists : int
-        Pairs that go on, and entries that are fitted to the free run.
-    few : int
-        Starts of one hypothesis, places, pairs and rounds, where each takes a search of its own.
+    smaller : tuple of float
+        Shares of the size foreseen that are begun with, until the model withstands one.
+    finalists, best_fits : int
+        Entries that are fitted to the free run, by evidence with and without what nested laws are
+        granted.
     give_up : float
         Times the best cost from which on a search is given up.
-    near : float
-        Times the best cost up to which a rival is as good as fitted with a short memory, or is
-        worth another search.
     misfit : float
         Squared residual over the noise's from which on a suspect is not all there is.
-    grown : float
-        Times what a shorter memory left from which on something new is looked for.
-    fall : float
-        How many times a second suspect has to lessen what is more than noise leaves.
-    second_gain : float, log evidence
-        Evidence that it needs.
-    new_share : float
-        Share of what is new with a longer memory that a suspect has to take: a free run adds up the
-        model's own errors, too.
     as_much : float
         Share of a cost by which kinds may differ that explain as much.
     hope : float, log evidence
-        Evidence by which a finalist may be behind: a longer memory finds errors of the model's
-        own, not other evidence of that size.
-    rough, fine : float
-        Relative gain that is worth another step, while many suspects are compared and in the end.
+        Evidence by which a finalist may be behind without that grant: a longer memory finds errors
+        of the model's own, not other evidence of that size.
+    rough : float
+        Relative gain that is worth another step while many suspects are compared.
+    fine : float
+        The same in a polish, with a longer memory than eight cycles.
+    polish : int
+        Steps of a polish.
+    polish_give_up : float
+        Times the best cost from which on a refit with another memory is given up: what is left
+        needs no last digit.
     repeats : int
         Times that a search may take its steps again.
     long_time_constant : float, cycles
         Of the observer on the way to the free run.
-    decade : float
-        Factor between sizes, slips and shares that are begun with.
-    thetas : tuple of float
-        Ratios of kinetic to static friction to begin with: near one what it does is nearly linear.
-    loose_theta : float
-        Prior deviation of theta over a given joint's.
-    loose_joint : tuple of float
-        The same of the parameters of a joint left out.
-    macroslip_step : float
-        Change of the logarithm of the deflection at which macroslip may begin.
-    macroslip_steps : int
-        How many of them before and beyond that of the fit.
+    nested_shares : tuple of float
+        Shares of a law's own doing with which it is begun where it does what a simpler one does.
+    nested_give_up : float
+        Times the best cost from which on simpler kinds, or those that contain them, are given up.
     """
 
     moving: int = 32
@@ -164,28 +151,143 @@ class SelectionSettings:
     first: int = 12
     second: int = 6
     field: int = 8
-    several: int = 4
+    smaller: tuple[float, ...] = (1.0, 0.1, 0.01)
     finalists: int = 3
-    few: int = 2
+    best_fits: int = 2
     give_up: float = 10.0
-    near: float = 1.5
     misfit: float = 1.2
-    grown: float = 1.25
-    fall: float = 3.0
-    second_gain: float = 15.0
-    new_share: float = 0.5
     as_much: float = 0.02
     hope: float = 100.0
     rough: float = 1e-2
     fine: float = 1e-4
+    polish: int = 15
+    polish_give_up: float = 30.0
     repeats: int = 3
     long_time_constant: float = 40.0
-    decade: float = 10.0
+    nested_shares: tuple[float, ...] = (1e-1, 1e-2, 1e-3, 1e-4)
+    nested_give_up: float = 1.5
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """When a second suspect is looked for beside the first, and when it is kept.
+
+    Attributes
+    ----------
+    seconds, partners : int
+        Suspects that are tried beside the first, and pairs that are fitted with a longer memory.
+    fall : float
+        How many times a second suspect has to lessen what is more than noise leaves.
+    second_gain : float, log evidence
+        Evidence that it needs.
+    rounds : int
+        Times that a second is looked for.
+    far : float
+        Squared residual over the noise's from which on a suspect, or a pair, explains too little.
+    as_good : float
+        Times the best suspect's cost until which another is worth a second beside it then.
+    """
+
+    seconds: int = 6
+    partners: int = 3
+    fall: float = 3.0
+    second_gain: float = 15.0
+    rounds: int = 2
+    far: float = 3.0
+    as_good: float = 2.0
+
+
+@dataclass(frozen=True)
+class JointFaultSettings:
+    """How joints left out, joints that stick, and other macroslip are tried.
+
+    Attributes
+    ----------
+    thetas : tuple of float
+        Ratios of kinetic to static friction to begin with: near one what it does is nearly linear.
+    tried : int
+        Starts of a hypothesis that are fitted, those that promise most.
+    places, guesses : int
+        Places where a whole joint is tried, and how many starts.
+    slips, slipped : tuple of float
+        Slips to begin with, over the largest deflection, and over a slider's own.
+    elsewhere : int
+        Places where the joint found is tried again, scaled to what they do.
+    pairs : int
+        Pairs of suspects in which a joint may stand for one.
+    ahead : float
+        Times the best cost with a short memory from which on a joint's fault is fitted no further.
+    loose_theta : float
+        Prior deviation of theta over a given joint's.
+    loose_joint : tuple of float
+        The same of the parameters of a joint left out.
+    macroslip_step : float
+        Step of the logarithm of the deflection at which macroslip may begin, over that of the fit.
+    macroslip_before, macroslip_beyond : int
+        How many of them before and beyond the fit.
+    macroslip_difference : float
+        Step of that logarithm by which derivatives are taken.
+    """
+
     thetas: tuple[float, ...] = (0.7, 0.4, 0.95)
+    tried: int = 2
+    places: int = 2
+    guesses: int = 6
+    slips: tuple[float, ...] = (0.1, 1.0)
+    slipped: tuple[float, ...] = (1.0, 4.0)
+    elsewhere: int = 4
+    pairs: int = 2
+    ahead: float = 1.3
     loose_theta: float = 3.0
     loose_joint: tuple[float, ...] = (4.0, 8.0, 1.5, 2.0)
     macroslip_step: float = 0.4
-    macroslip_steps: int = 3
+    macroslip_before: int = 2
+    macroslip_beyond: int = 3
+    macroslip_difference: float = 1e-3
+
+
+@dataclass(frozen=True)
+class ProbingSettings:
+    """How forces of any size are tried where a score at size zero says little.
+
+    Attributes
+    ----------
+    places : int
+        Places that are probed.
+    shares : tuple of float
+        Largest forces, as shares of what would hold the place there.
+    refitted, kept : int
+        Suspects that are refitted, and those of them with a longer memory.
+    """
+
+    places: int = 2
+    shares: tuple[float, ...] = (0.03, 0.3, 3.0, 30.0)
+    refitted: int = 4
+    kept: int = 2
+
+
+@dataclass(frozen=True)
+class SlowEffectSettings:
+    """When something new is looked for with a longer memory.
+
+    Attributes
+    ----------
+    grown : float
+        Times what a shorter memory left from which on something new is looked for.
+    new_share : float
+        Share of what is new that a suspect has to take: a free run adds up the model's own errors,
+        too.
+    known, refitted : int
+        Suspects that are refitted: the best so far, and the most promising now.
+    field : int
+        How many of them go on after a few steps.
+    """
+
+    grown: float = 1.25
+    new_share: float = 0.5
+    known: int = 2
+    refitted: int = 4
+    field: int = 3
 
 
 @dataclass(frozen=True)
@@ -202,6 +304,8 @@ class StepSettings:
         Difference by finer steps that is none beside the noise: while suspects are compared, where
         its square may look like something more that is missing; with the same memory in the end;
         and in the free run, where errors add up.
+    more_than_noise : float
+        Squared residual over the noise's from which on a fit may want for steps.
     other_units : float
         Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue
         is worth that much.
@@ -213,6 +317,7 @@ class StepSettings:
     compared: float = 0.4
     same: float = 0.3
     same_free: float = 0.7
+    more_than_noise: float = 1.1
     other_units: float = 100.0
 
 
@@ -248,6 +353,10 @@ class HistorySettings:
 
     conditioning: ConditioningSettings = ConditioningSettings()
     selection: SelectionSettings = SelectionSettings()
+    pairs: PairSettings = PairSettings()
+    joint_faults: JointFaultSettings = JointFaultSettings()
+    probing: ProbingSettings = ProbingSettings()
+    slow_effects: SlowEffectSettings = SlowEffectSettings()
     steps: StepSettings = StepSettings()
     illustration: IllustrationSettings = IllustrationSettings()
 

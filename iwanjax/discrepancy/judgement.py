@@ -1,7 +1,6 @@
 """Which verdict evidences and misfits allow: one rule for structures, modes, curves and loops."""
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -14,8 +13,8 @@ from iwanjax.estimation.evidence import AS_LIKELY_WRONG, misspecification_probab
 
 VerdictName = Literal["nothing_missing", "something_missing", "undecided"]
 
-# Of sums of probabilities, far above what floating point makes of them.
-_ROUNDING = math.sqrt(sys.float_info.epsilon)
+# Of sums of probabilities.
+_ROUNDING = 1e-9
 
 
 class Misfit(NamedTuple):

@@ -21,8 +21,9 @@ class JudgementSettings:
     Attributes
     ----------
     sure : float, deviations
-        Deviations that a size has to differ from zero by, and that uncertain parameters may
-        account for: one in twenty is farther off by chance.
+        Deviations that a size has to differ from zero by: one in twenty is farther off by chance.
+    uncertain : float, deviations
+        Deviations by which uncertain parameters may put held-out recordings off.
     clear : float, deviations
         Deviations beyond which frequency or damping differs: one in 400 by chance.
     alike : float, natural logarithm
@@ -30,8 +31,16 @@ class JudgementSettings:
         which on Kass & Raftery (1995) call evidence strong.
     likely, excluded : float, probability
         Probability from which on an explanation is mentioned, and below which it is excluded.
-    notable : float, ratio
-        Ratio of two errors from which on the difference is mentioned.
+    unexplained : float, ratio
+        Error of fitted recordings over the noise's from which on something is left unexplained.
+    unforeseen : float, ratio
+        Error of held-out recordings over what noise and uncertain parameters account for, from
+        which on the report mentions it.
+    often : float, ratio
+        What noise exceeds in one case of twenty over what it leaves, from which on the report names
+        both.
+    listed : int
+        Rivals that a summary lists.
     neighbour : float, share
         Share of a misfit at which a law is as likely a neighbour of the truth as the truth itself.
         Over Gaussian motion the best v|v| leaves 0.31 of v^3, 0.16 with a damper beside it, and a
@@ -44,11 +53,15 @@ class JudgementSettings:
     """
 
     sure: float = 2.0
+    uncertain: float = 2.0
     clear: float = 3.0
     alike: float = 3.0
     likely: float = 0.05
     excluded: float = 1e-3
-    notable: float = 1.25
+    unexplained: float = 1.25
+    unforeseen: float = 1.5
+    often: float = 1.15
+    listed: int = 6
     neighbour: float = 0.1
     sharpness: float = 4.0
 
@@ -59,19 +72,38 @@ class SteadySettings:
 
     Attributes
     ----------
-    starts : int, starts
-        Of one search beside a single joint; of a structure's joints half as many.
-    started : int, starts
-        One start of so many is run to its minimum; of a joint left out of a mode two.
-    begin : tuple of float, factors
-        Factors on what a measurement suggests, to begin with: on sizes, strengths and slips.
+    starts, mode_starts : int, starts
+        Of one search beside a single joint, and of a structure's joints: all searches share one
+        compiled kernel.
+    runs, joint_runs : int, starts
+        Of these how many are run to their minimum in a fit of curves: beside a force, and with a
+        joint left out.
+    loop_runs, loop_joint_runs : int, starts
+        The same in a fit of loops.
+    mode_runs : int, starts
+        The same in a fit of a structure's modes.
+    strengths : tuple of float, factors
+        Strengths of a joint left out of curves to begin with, over what the curves' fall of
+        frequency alone would ask for.
+    loop_shares, loop_slips : tuple of float, factors
+        Shares of the largest force, and deflections over the largest, at which a joint left out of
+        loops slips to begin with.
+    sizes : tuple of float, factors
+        Sizes of a force on modes that a refit begins with, over the one of the best score.
+    stiffnesses, slips : tuple of float, factors
+        Stiffnesses of a joint left out of modes to begin with, over that by which a spring would
+        change the modes as much as amplitude does; and deflections at which all slips, over the
+        largest there.
+    again : tuple of pairs, factors
+        Strengths and betas of a second search over what the first one found: far below macroslip
+        they lie in a long valley, along which a search ends anywhere.
     spread : float, share
         Deviation of the sizes that searches start from, over the largest that is plausible.
     shapes : int, fits
         Shapes of a force that are tried at first.
     beyond : float, factor
         How far they go beyond those of the catalogue, as a factor.
-    refinements : int, times
+    brackets, parabolas : int, times
         Times that the best shape is bracketed, and that a parabola then says where it is.
     near : float, ratio
         Ratio of neighbouring shapes where one is nearly known.
@@ -80,19 +112,25 @@ class SteadySettings:
     at_once : float, share
         How near a joint is to the slider that it becomes where all of its sliders slip at once.
     negligible : float, share
-        Share of the largest value below which a change, a force or a loss is rounding.
-    ratios : int, half decades
-        Deflections by another mode that are begun with, in half decades from a tenth of the
-        mode's own.
+        Share of the largest value below which a change is rounding: of stiffness and loss with
+        amplitude, of a force with rate, of costs.
+    lossless : float, share
+        Loss over the energy that a force turns over, below which it is rounding.
+    ratios : tuple of float, factors
+        Deflections by another mode that are begun with, over the mode's own.
+    every : int, starts
+        One of so many of the joints that the fit of the joint alone began with begins there.
+    nearer : tuple of float, factors
+        Ratios that a second search begins with, over what the first one ends at.
     rough, fine : float, relative tolerance
-        Of the search for that ratio from all of these, and from its best end: each step takes a
-        motion of some thousand samples.
+        Of these two searches: each step takes a motion of some thousand samples.
     deflections : int, amplitudes
         Amplitudes that a force at a place is worked out for.
     reach : float, factor
         How far these go beyond what the joints alone let happen, as a factor.
-    largest : float, factor
-        Factor by which a force may change damping, or divide a frequency's square, at first.
+    softest, damped : float, factors
+        Largest change that a force may make at first: of a frequency's square, and of damping over
+        the largest measured.
     decades, each : int, decades; sizes a decade
         Sizes of a score below that: so many decades, each so often.
     refits, joint_places : int, fits; places
@@ -117,22 +155,47 @@ class SteadySettings:
     """
 
     starts: int = 16
-    started: int = 4
-    begin: tuple[float, ...] = (1.0, 0.1, 10.0)
+    mode_starts: int = 8
+    runs: int = 4
+    joint_runs: int = 8
+    loop_runs: int = 3
+    loop_joint_runs: int = 4
+    mode_runs: int = 2
+    strengths: tuple[float, ...] = (1.0, 0.1)
+    loop_shares: tuple[float, ...] = (0.5, 0.1)
+    loop_slips: tuple[float, ...] = (1.0, 0.1, 0.3, 3.0)
+    sizes: tuple[float, ...] = (1.0, 0.5, 2.0, 0.1)
+    stiffnesses: tuple[float, ...] = (1.0, 0.1, 10.0)
+    slips: tuple[float, ...] = (1.0, 0.1, 10.0)
+    again: tuple[tuple[float, float], ...] = (
+        (1.0, 1.0),
+        (0.7, 1.0),
+        (0.5, 1.0),
+        (0.5, 2.0),
+        (1.4, 1.0),
+        (2.0, 1.0),
+        (2.0, 0.5),
+        (1.0, 2.0),
+    )
     spread: float = 0.5
     shapes: int = 8
     beyond: float = 4.0
-    refinements: int = 2
+    brackets: int = 2
+    parabolas: int = 2
     near: float = 1.3
     reshaped: float = 1e-2
-    at_once: float = 0.03
+    at_once: float = 1.0 / 30.0
     negligible: float = 1e-6
-    ratios: int = 4
+    lossless: float = 1e-9
+    ratios: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
+    every: int = 16
+    nearer: tuple[float, ...] = (1.0, 0.9, 1.1, 1.3)
     rough: float = 1e-3
     fine: float = 1e-5
     deflections: int = 64
     reach: float = 3.0
-    largest: float = 2.0
+    softest: float = 0.5
+    damped: float = 2.0
     decades: int = 4
     each: int = 3
     refits: int = 12

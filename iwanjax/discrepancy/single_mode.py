@@ -11,8 +11,8 @@ from iwanjax.quasistatic import ModalOscillator, coupled_modes, qsma
 from iwanjax.results import AbstractResult
 from iwanjax.signals.hilbert import RingDown
 
-# Points of a curve, and how far its loads reach beyond what the largest amplitude needs.
-_POINTS, _MARGIN = 200, 3.0
+# Loads and points of a curve, and how far the loads reach beyond what the largest amplitude needs.
+_LOADS, _POINTS, _MARGIN = 200, 200, 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +188,7 @@ class _Curve:
 
 def _quasi_static(decays: ModalDecays, mode: int, q: np.ndarray) -> _Curve:
     omega2 = float(decays.structure.basis.omega2[mode])
-    alpha = omega2 * np.geomspace(q.min() / _MARGIN, q.max() * _MARGIN, _POINTS)
+    alpha = omega2 * np.geomspace(q.min() / _MARGIN, q.max() * _MARGIN, _LOADS)
     found = qsma(decays.structure, mode, alpha, frequency="first_harmonic", deflections=False)
     solved = np.asarray(found.converged)
     curves = (found.q, found.curves.frequency, found.curves.damping)

@@ -204,7 +204,7 @@ def _pushed(
     left = W.shape[0] - kept
     push = np.zeros((N, steps, 3 * kept + left))
     acts = np.any(force != 0, axis=1)
-    near = np.flatnonzero(np.convolve(acts, np.ones(2 * settings.ringing + 1), "same") > 0)
+    near = np.flatnonzero(np.convolve(acts, np.ones(2 * settings.tail + 1), "same") > 0)
     near = near[near > 0]
     if not near.size:
         return push

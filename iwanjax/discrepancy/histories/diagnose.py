@@ -241,7 +241,7 @@ def _misfit(run: Runs, best: Runs, model_error: float) -> Misfit:
     of_fit = fitted.relative / allowed if noise.floor < 1.0 else math.inf
     if held_out is None or noise_held_out is None:
         return Misfit(of_fit, math.nan)
-    spread = settings().judgement.sure * held_out.spread if best is run else 0.0
+    spread = settings().judgement.uncertain * held_out.spread if best is run else 0.0
     foreseen = math.hypot(noise_held_out.floor_95, spread, model_error)
     return Misfit(of_fit, held_out.relative / foreseen if foreseen < 1.0 else math.inf)
 
@@ -264,7 +264,7 @@ def _polished(
 def _left(fitted: FreeRun, detected: bool, unknown: float) -> list[str]:
     """What to think of a residual that stays well above the noise."""
     ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
-    if ratio < settings().judgement.notable:
+    if ratio < settings().judgement.unexplained:
         return []
     off = f"The fitted recordings are still {ratio:.2g} times the noise off"
     if not detected:
@@ -280,8 +280,8 @@ def _left(fitted: FreeRun, detected: bool, unknown: float) -> list[str]:
 def _unforeseen(held_out: FreeRun) -> list[str]:
     """What to think of held-out recordings that are off by more than anything accounts for."""
     known = settings().judgement
-    ratio = held_out.relative / math.hypot(held_out.floor_95, known.sure * held_out.spread)
-    if ratio < known.notable:
+    ratio = held_out.relative / math.hypot(held_out.floor_95, known.uncertain * held_out.spread)
+    if ratio < known.unforeseen:
         return []
     return [
         f"The held-out recordings are off by {ratio:.2g} times what noise and uncertain parameters "

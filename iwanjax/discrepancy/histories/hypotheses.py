@@ -147,7 +147,7 @@ def with_stiction(
     order = [joint, *(i for i in range(len(problem.joints)) if i != joint)]
     given = problem.joints[joint].given
     values = {info.name: getattr(given, info.name) for info in given.parameters}
-    loose = jnp.append(problem.joints[joint].loose, problem.settings.selection.loose_theta)
+    loose = jnp.append(problem.joints[joint].loose, problem.settings.joint_faults.loose_theta)
     stuck = Joint(Iwan5(**values, theta=thetas[0]), loose)
     joints = (stuck, *(problem.joints[i] for i in order[1:]))
     at = jnp.asarray(order)
@@ -192,7 +192,7 @@ def with_joint(
     first = guesses[0]
     strength = first.stiffness * first.slip
     given = Iwan4(F_S=strength, K_T=first.stiffness, chi=-0.5, beta=first.beta)
-    more = Joint(given, jnp.asarray(problem.settings.selection.loose_joint))
+    more = Joint(given, jnp.asarray(problem.settings.joint_faults.loose_joint))
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness),
         problem.predictor,

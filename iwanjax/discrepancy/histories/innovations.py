@@ -4,8 +4,6 @@ A compiled kernel serves every hypothesis: which kind of force acts at which pla
 sensor is at fault, are arrays, not code.
 """
 
-import math
-import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -17,20 +15,16 @@ from jaxtyping import Array, Float
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values, on, sizes_of
 from iwanjax.dynamics.balance import Joints
 from iwanjax.joints import AbstractJoint, PlaceMotion, Reaction
-from iwanjax.signals.comparison_band import END
 from iwanjax.structures.small import solve_general
 
 DELAY_NODES = 16
 """Samples that a delayed sensor is interpolated from: the last ones, as no later ones are known."""
 LONGEST_DELAY = 4.0
 """Samples by which a sensor may be late."""
-# Bands from zero, up to shares of the highest frequency that is compared, and what errors of an
-# interpolation weigh in them: structures move most at low frequencies. Beyond the last one only the
-# weights' own size counts, little.
-_PARTS, _POWER = 7, 6
-# Ends and weights.
-_BANDS = [(END * i / _PARTS, (i / _PARTS) ** -_POWER) for i in range(1, _PARTS + 1)]
-_OWN = math.sqrt(sys.float_info.epsilon)
+# Bands from zero, as shares of the sampling rate, and what errors of an interpolation weigh in
+# them: structures move most at low frequencies, and recordings are compared up to the last one.
+# Beyond it only the weights' own size counts, little.
+_BANDS, _OWN = ((0.06, 1e4), (0.14, 1e2), (0.24, 1e1), (0.35, 1.0)), 1e-8
 
 
 def chain(suspects: Suspects, size: Array, shape: Array) -> tuple[Array, Array]:
@@ -82,11 +76,9 @@ def change_by_delay(shown: Float[np.ndarray, "recordings N sensors"]) -> np.ndar
     )
 
 
-# Of a deflection: a smaller change of it says nothing of a stiffness.
-_STILL = 1e-6
-# Nor does one whose square, by which a derivative divides, is no number any more (after 1400 silent
-# cycles, say).
-_NOTHING = math.sqrt(sys.float_info.min)
+# Of a deflection: a smaller change of it says nothing of a stiffness; nor does one whose square,
+# by which a derivative divides, is no number any more (after 1400 silent cycles, say).
+_STILL, _NOTHING = 1e-6, 1e-150
 
 
 def innovations(

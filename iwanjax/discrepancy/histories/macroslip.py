@@ -10,7 +10,7 @@ from iwanjax.discrepancy.histories.joint_priors import Joint, joints_of, located
 from iwanjax.discrepancy.histories.likelihood import scale
 from iwanjax.discrepancy.histories.linearise import residuals_at
 from iwanjax.discrepancy.histories.multistart import HypothesisFit, moved
-from iwanjax.discrepancy.histories.problem import DIFFERENCE, HistoryProblem
+from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.joints import Iwan4
 
 
@@ -83,22 +83,22 @@ def _by_joint(problem: HistoryProblem, fitted: HypothesisFit) -> list[list[Alter
         first += count
         if not isinstance(fit, Iwan4) or not float(joint.given.beta) > 0:  # type: ignore[attr-defined]
             continue
-        changes = {}
-        for farther in (*_farther(problem), -DIFFERENCE):
+        changes, little = {}, problem.settings.joint_faults.macroslip_difference
+        for farther in (*_farther(problem), -little):
             there = with_later_macroslip(joint, fit, z[own], farther)
             if there is not None:
                 changes[farther] = np.zeros(p)
                 changes[farther][own] = there - z[own]
-        slope = changes.pop(-DIFFERENCE) / -DIFFERENCE
+        slope = changes.pop(-little) / -little
         found.append(_weighed(problem, fitted, changes, slope))
     return found
 
 
 def _farther(problem: HistoryProblem) -> list[float]:
     """Logarithms of the deflections at which macroslip may begin, over that of the fit."""
-    known = problem.settings.selection
-    count = known.macroslip_steps
-    return [known.macroslip_step * i for i in range(-count, count + 1) if i]
+    known = problem.settings.joint_faults
+    steps = range(-known.macroslip_before, known.macroslip_beyond + 1)
+    return [known.macroslip_step * i for i in steps if i]
 
 
 def with_later_macroslip(
@@ -150,7 +150,7 @@ def _weighed(
     odds = np.exp(np.minimum(-0.5 * (worse + prior), 0.0))
     curvature = slope @ fitted.normal[:p, :p] @ slope / unit
     # Half of the fit's own step lies before it: where that is unlikely, the fit is at the edge.
-    step = problem.settings.selection.macroslip_step
+    step = problem.settings.joint_faults.macroslip_step
     peak = min(1.0, math.sqrt(2.0 * math.pi / max(curvature, 1e-300)) / step)
     before = dict(zip(changes, odds, strict=True)).get(-step, 0.0)
     peak = 0.5 * (peak + min(peak, before))

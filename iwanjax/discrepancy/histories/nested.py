@@ -70,7 +70,7 @@ def with_nested_laws(
                 some,
                 time_constant,
                 STEPS,
-                give_up=problem.settings.selection.near,
+                give_up=problem.settings.selection.nested_give_up,
                 best=cost_of(entries[0]),
                 in_time=scope.in_time,
             )
@@ -190,7 +190,7 @@ def _from_within(entry: RankedFit, known: Sequence[RankedFit], scope: Scope) -> 
             time_constant,
             min(map(cost_of, known)),
             scope,
-            own.settings.selection.near,
+            own.settings.selection.nested_give_up,
         )
         return distinct([entry, replace(entry, problem=own, fitted=fitted)])[0]
     return entry
@@ -226,9 +226,8 @@ def widened(
     held = holding(entry.fitted.hypothesis, simpler.fitted.hypothesis)
     if held is None:
         return []
-    # Of the law's own doing.
-    shares = base.settings.selection.decade ** -np.arange(1.0, 5.0)
-    made = (_start(entry, simpler, held, share, scope, base) for share in shares.tolist())
+    shares = base.settings.selection.nested_shares
+    made = (_start(entry, simpler, held, share, scope, base) for share in shares)
     return [each for each in made if each is not None]
 
 

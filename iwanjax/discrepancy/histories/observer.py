@@ -1,7 +1,6 @@
 """The observer: its gain for a time constant, and the state in which a free decay begins."""
 
 import math
-import sys
 
 import numpy as np
 from jaxtyping import Float
@@ -9,8 +8,10 @@ from jaxtyping import Float
 from iwanjax.discrepancy.histories.predictor import Predictor
 from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
 
-# Exponent of ten up to which, either way, the size of the process noise is looked for.
-_SIZES = 14.0
+# Exponents of ten between which the size of the process noise is looked for, and bisections.
+_SIZES, _ROUNDS = (-14.0, 14.0), 40
+# Doublings of the horizon until the equation's solution stands still.
+_DOUBLINGS, _STILL = 60, 1e-10
 
 
 def stepped(A: np.ndarray, dt: float) -> np.ndarray:
@@ -51,11 +52,8 @@ def observer_gain(step: np.ndarray, H: np.ndarray, dt: float, size: float) -> np
     G = turned @ H
     P = np.zeros_like(F) + size * np.diag(np.repeat([0.0, dt], states // 2))
     broken = np.zeros(step.shape[:-2], bool)
-    # Convergence is quadratic: half of the digits are all of them one doubling later.
-    resolution = math.sqrt(sys.float_info.epsilon)
     with np.errstate(over="ignore", invalid="ignore"):
-        # So many doublings are more samples than any recording has.
-        for _ in range(64):
+        for _ in range(_DOUBLINGS):
             inner = _solved(eye + G @ P, np.concatenate([F, G], axis=-1))
             mapped, weighed = inner[..., :states], inner[..., states:]
             back = np.swapaxes(F, -1, -2)
@@ -67,7 +65,7 @@ def observer_gain(step: np.ndarray, H: np.ndarray, dt: float, size: float) -> np
             broken |= ~np.all(np.isfinite(P), axis=(-2, -1))
             G, F, P = (np.where(broken[..., None, None], 0.0, x) for x in (G, F, P))
             change, size_now = (np.max(np.abs(x), axis=(-2, -1)) for x in (more, P))
-            if np.all(broken | (change <= resolution * size_now)):
+            if np.all(broken | (change <= _STILL * size_now)):
                 break
         seen = P @ turned
         gain = _solved(H @ seen + np.eye(H.shape[-2]), np.swapaxes(seen, -1, -2))
@@ -100,8 +98,8 @@ def process_noise(step: np.ndarray, H: np.ndarray, dt: float, time_constant: flo
     if math.isinf(time_constant):
         return 0.0
     eye = np.eye(step.shape[-1])
-    low, high = -_SIZES, _SIZES
-    while high - low > math.sqrt(sys.float_info.epsilon):
+    low, high = _SIZES
+    for _ in range(_ROUNDS):
         middle = 0.5 * (low + high)
         gain = observer_gain(step, H, dt, 10.0**middle)
         poles = np.linalg.eigvals((eye - gain @ H) @ step)

@@ -14,7 +14,6 @@ from iwanjax.discrepancy.histories.ranking import (
     least,
     scored,
 )
-from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 
 
@@ -38,7 +37,7 @@ def doubled(problem: HistoryProblem, entries: list[RankedFit], scope: Scope) -> 
     found = entries
     for first in _firsts(problem, entries):
         found = _grown(problem, first, found, scope)
-        if least(first, found).cost < FAR * left_by_noise(problem):
+        if least(first, found).cost < problem.settings.pairs.far * left_by_noise(problem):
             break
     return found
 
@@ -48,7 +47,7 @@ def _firsts(problem: HistoryProblem, entries: Sequence[RankedFit]) -> list[Hypot
     first = entries[0]
     if first.problem is not problem or first.fitted.hypothesis.drifting is not None:
         return []
-    near = problem.settings.selection.near
+    as_good = problem.settings.pairs.as_good
     elsewhere = [
         e.fitted
         for e in entries
@@ -56,7 +55,7 @@ def _firsts(problem: HistoryProblem, entries: Sequence[RankedFit]) -> list[Hypot
         and e.fitted.time_constant == first.fitted.time_constant
         and e.fitted.hypothesis.drifting is None
         and e.fitted.hypothesis.where != first.fitted.hypothesis.where
-        and e.fitted.cost < near * first.fitted.cost
+        and e.fitted.cost < as_good * first.fitted.cost
     ]
     return [first.fitted, *elsewhere[:1]]
 
@@ -65,7 +64,7 @@ def _grown(
     problem: HistoryProblem, first: HypothesisFit, entries: list[RankedFit], scope: Scope
 ) -> list[RankedFit]:
     """Entries after pairs with one of them, or after what turned out to do alone."""
-    for _ in range(problem.settings.selection.few):
+    for _ in range(problem.settings.pairs.rounds):
         pairs, enough = partners_of(problem, first, scope)
         if not enough:
             return [RankedFit(problem, each) for each in pairs] + entries
@@ -82,7 +81,7 @@ def partners_of(
     if not scope.in_time():
         return [], []
     noise, table = left_by_noise(problem), evidence(problem, [first])
-    known = problem.settings.selection
+    known, own = problem.settings.selection, problem.settings.pairs
     # No second suspect takes more than what exceeds the noise.
     if (1.0 - noise / first.cost) * table.worth(first) < _margin(problem, table, first):
         return [], []
@@ -91,14 +90,14 @@ def partners_of(
     promise = candidates[0].drop * table.worth(first) if candidates else 0.0
     if first.cost < known.misfit * noise and promise < _margin(problem, table, first):
         return [], []
-    starts = [c.start for c in candidates[: known.second]]
+    starts = [c.start for c in candidates[: own.seconds]]
     pairs = multistart(
-        problem, starts, SHORT_TIME_CONSTANT, STEPS, at_most=known.finalists, in_time=scope.in_time
+        problem, starts, SHORT_TIME_CONSTANT, STEPS, at_most=own.partners, in_time=scope.in_time
     )
     pairs.sort(key=lambda each: each.cost)
     pairs = multistart(
         problem,
-        [each.start for each in pairs[: known.finalists]],
+        [each.start for each in pairs[: own.partners]],
         TIME_CONSTANT,
         STEPS,
         in_time=scope.in_time,
@@ -107,7 +106,7 @@ def partners_of(
         return [], []
     best = min(pairs, key=lambda each: each.cost)
     before, after = (each.cost - noise for each in (first, best))
-    if known.fall * after > before or _enough(problem, best, [first]):
+    if own.fall * after > before or _enough(problem, best, [first]):
         return [], []
     # The second may do all alone: the first was then what looked like it before.
     singles = _singles(problem, best, scope)
@@ -140,7 +139,7 @@ def _repaired(
 ) -> list[HypothesisFit]:
     """Other partners for either of a pair: the first was chosen when the second was not known."""
     starts: dict[Variant, Start] = {}
-    partners = problem.settings.selection.finalists
+    partners = problem.settings.pairs.partners
     for kept, single in enumerate(singles):
         place = pair.hypothesis.where[1 - kept]
         candidates = scored(problem, single, scope)
@@ -178,4 +177,4 @@ def _enough(
 
 def _margin(problem: HistoryProblem, table: Evidence, pair: HypothesisFit) -> float:
     """Evidence that a second suspect needs: the model's own errors are worth a part of the rest."""
-    return problem.settings.selection.second_gain + MODEL_ERROR_ALLOWANCE * table.worth(pair)
+    return problem.settings.pairs.second_gain + MODEL_ERROR_ALLOWANCE * table.worth(pair)

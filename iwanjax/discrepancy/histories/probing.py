@@ -53,10 +53,10 @@ def probed(
     list of Entry
         The same and what was found, the best first.
     """
-    settings = problem.settings.selection
+    settings, give_up = problem.settings.probing, problem.settings.selection.give_up
     named = {place.label: place for place in scope.places}
     labels = pointed_at(shorts, entries, candidates)
-    places = [named[label] for label in labels if label in named][: settings.few]
+    places = [named[label] for label in labels if label in named][: settings.places]
     if not places or not scope.in_time():
         return entries
     scope.progress("probing forces of any size")
@@ -74,15 +74,15 @@ def probed(
     best: dict[Variant, Start] = {}
     for i in np.argsort(cost):
         best.setdefault(starts[i].hypothesis.variant, starts[i])
-    some = list(best.values())[: settings.several]
+    some = list(best.values())[: settings.refitted]
     fits = multistart(
-        problem, some, SHORT_TIME_CONSTANT, STEPS, give_up=settings.give_up, in_time=scope.in_time
+        problem, some, SHORT_TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
     )
     fits.sort(key=lambda each: each.cost)
-    new = [each.start for each in fits[: settings.few] if not _known(each, shorts)]
+    new = [each.start for each in fits[: settings.kept] if not _known(each, shorts)]
     known = {entry.fitted.hypothesis.variant: entry for entry in entries}
     for each in multistart(
-        problem, new, TIME_CONSTANT, STEPS, give_up=settings.give_up, in_time=scope.in_time
+        problem, new, TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
     ):
         rival = known.get(each.hypothesis.variant)
         if (
@@ -125,6 +125,5 @@ def _sizes(
     if not (0.0 < largest < np.inf and flexibility > 0.0):
         return []
     whole = place.scales.deflection / flexibility
-    shares = problem.settings.selection.decade ** np.arange(-1.5, 2.0)
-    sizes = (shares * whole / largest).tolist()
+    sizes = [share * whole / largest for share in problem.settings.probing.shares]
     return sizes if kind.positive else [*sizes, *(-size for size in sizes)]

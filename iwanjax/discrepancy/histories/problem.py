@@ -1,7 +1,6 @@
 """Hypotheses, and what a search for their values rests on: predictor, data, observers."""
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -22,6 +21,8 @@ DIFFERENCE = 1e-4
 """Change of a parameter, in deviations of its prior, by which derivatives are taken."""
 # Members of a batch whose size compiled kernels are made for.
 _BATCH = 64
+# Largest logarithm whose exponential is a number.
+_LARGEST = 700.0
 # What drifts in a joint.
 _DRIFTING = ("F_S", "K_T")
 
@@ -60,9 +61,7 @@ class Hypothesis:
 
     def physical(self, theta: np.ndarray, at: ParameterMap, slot: int) -> tuple[float, float]:
         """Size and shape of a slot, of which the latter counts where the kind has one."""
-        # No farther than the largest logarithm whose exponential is a number.
-        largest = math.log(sys.float_info.max)
-        size, shape = (min(float(each), largest) for each in theta[at.slot(slot)])
+        size, shape = (min(float(each), _LARGEST) for each in theta[at.slot(slot)])
         factor = math.exp(size) if self.logarithmic(slot) else float(theta[at.size(slot)])
         return self.scales[slot] * factor, math.exp(shape)
 

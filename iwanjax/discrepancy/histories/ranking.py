@@ -135,13 +135,14 @@ def refitted(
     give_up: float | None = None,
 ) -> list[HypothesisFit]:
     """Fits with a memory that costs are compared at, given up far from the best one."""
+    known = problem.settings.selection
     return multistart(
         problem,
         starts,
         time_constant,
-        STEPS,
+        known.polish if time_constant > TIME_CONSTANT else STEPS,
         tolerance=tolerance_of(problem, time_constant),
-        give_up=give_up or problem.settings.selection.give_up,
+        give_up=give_up or known.polish_give_up,
         best=best,
         in_time=scope.in_time,
     )
@@ -183,7 +184,7 @@ def finalists(base: RankedFit, entries: Sequence[RankedFit]) -> list[RankedFit]:
     hopeful = [
         e for e, value in zip(same, values, strict=True) if value > values.max() - known.hope
     ]
-    chosen = dict.fromkeys([*entries[: known.finalists], *order[: known.few]])
+    chosen = dict.fromkeys([*entries[: known.finalists], *order[: known.best_fits]])
     return [e for e in chosen if e is entries[0] or e in hopeful]
 
 

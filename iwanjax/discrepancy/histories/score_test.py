@@ -1,6 +1,5 @@
 """Which suspects would explain what the joints cannot."""
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -25,6 +24,9 @@ from iwanjax.discrepancy.histories.problem import (
     drifting_values,
     free_values,
 )
+
+# Share of a column's square below which the joints explain all of it.
+_EXPLAINED = 1e-12
 
 
 class Candidate(NamedTuple):
@@ -107,8 +109,7 @@ def score_test(
         with np.errstate(over="ignore", invalid="ignore"):
             alone, toward = np.sum(h**2, axis=1), -(h @ left[: h.shape[1]])
             square = alone - np.sum((h @ basis[: h.shape[1]]) ** 2, axis=1)
-            # Of a column that the joints explain all of rounding is left.
-            usable = np.isfinite(square) & (square > sys.float_info.epsilon**0.75 * alone)
+            usable = np.isfinite(square) & (square > _EXPLAINED * alone)
         toward = np.where(usable, toward, 0.0)
         size = toward / np.where(usable, square, 1.0)
         return size, size * toward / total

@@ -293,7 +293,7 @@ def withstood_starts(
     comes back from.
     """
     begun: dict[int, Start] = {}
-    for share in problem.settings.selection.decade ** -np.arange(3.0):
+    for share in problem.settings.selection.smaller:
         points = [
             (i, shrunk(problem, start, share))
             for i, starts in enumerate(choices)

@@ -46,14 +46,14 @@ def appearing(
     list of Entry
         Refitted with the longer memory, the best first; none where nothing new is left.
     """
-    settings = problem.settings.selection
+    settings, selection = problem.settings.slow_effects, problem.settings.selection
     usual = max(before.cost, left_by_noise(problem))
     if now.cost < settings.grown * usual or not scope.in_time():
         return []
     scope.progress("looking again with a longer memory")
-    least = settings.least_promise / evidence(problem, [now]).worth(now)
-    starts = [c.start for c in scored(problem, now, scope)[: settings.several] if c.drop > least]
-    known = [e.fitted.start for e in entries if e.problem is problem][: settings.few]
+    least = selection.least_promise / evidence(problem, [now]).worth(now)
+    starts = [c.start for c in scored(problem, now, scope)[: settings.refitted] if c.drop > least]
+    known = [e.fitted.start for e in entries if e.problem is problem][: settings.known]
     variants = [start.hypothesis.variant for start in known]
     starts = [*known, *(s for s in starts if s.hypothesis.variant not in variants)]
     fits = multistart(
@@ -61,13 +61,13 @@ def appearing(
         starts,
         now.time_constant,
         STEPS,
-        give_up=settings.give_up,
-        at_most=settings.finalists,
+        give_up=selection.give_up,
+        at_most=settings.field,
         in_time=scope.in_time,
     )
     best = min([now.cost, *(each.cost for each in fits)])
     found = [RankedFit(problem, each) for each in fits]
-    if best > settings.misfit * usual:
+    if best > selection.misfit * usual:
         found += stuck(
             problem, now, limited(problem, now, best, now.time_constant), scope, now.time_constant
         )

@@ -170,7 +170,7 @@ class StepRefinement:
         A stiff suspect may want more than the model without it.
         """
         left = best.fitted.cost / left_by_noise(best.problem)
-        return self._of(now, best) if left > self.settings.selection.misfit else now
+        return self._of(now, best) if left > self.settings.steps.more_than_noise else now
 
     def _of(self, now: Refined, best: RankedFit) -> Refined:
         fitted, known = best.fitted, self.settings.steps

@@ -32,7 +32,6 @@ from iwanjax.discrepancy.steady.fit import (
     best_of,
     best_shape,
     joints_to_begin_with,
-    runs_of,
     searched,
     with_sizes,
 )
@@ -141,7 +140,9 @@ def as_measured(
 def fit_alone(base: ModalProblem, draws: np.ndarray) -> ModeFit:
     """The joint alone, from draws of its parameters (starts, parameters)."""
     problem = _with_force(base, unit_on(None, base.measured.q, 0.0), 1.0, False)
-    return searched(None, problem, np.column_stack([draws, np.zeros(len(draws))]), runs_of())
+    return searched(
+        None, problem, np.column_stack([draws, np.zeros(len(draws))]), settings().steady.runs
+    )
 
 
 def fit_beside(
@@ -164,7 +165,8 @@ def fit_beside(
             return None
         largest = _largest(base.measured, unit)
         problem = _with_force(base, unit, largest, kind.positive)
-        return searched(effect, problem, with_sizes(joints, kind, largest, random), runs_of())
+        starts = with_sizes(joints, kind, largest, random)
+        return searched(effect, problem, starts, settings().steady.runs)
 
     best = best_shape(kind, begin, at)
     if best is None or best.effect is None:
@@ -181,7 +183,7 @@ def gives_energy(fit: ModeFit) -> bool:
     loss, q = np.asarray(acting.unit.loss), np.asarray(fit.problem.measured.q)
     turned = np.abs(np.asarray(acting.unit.stiffness)[1]) * q**2
     work = float(np.sign(fit.theta[-1]) * loss.sum())
-    return work < -settings().steady.negligible * float(turned.sum())
+    return work < -settings().steady.lossless * float(turned.sum())
 
 
 def fit_with_joint(
@@ -219,10 +221,10 @@ def fit_with_joint(
     draws = own.spread(drawn(row, random, known.starts))
     others = np.asarray(_improved(own, jnp.asarray(draws)))[:, 2:]
     # Over what the curves' fall of frequency alone would ask for.
-    strengths = np.resize(known.begin[:2], known.starts)[:, None]
+    strengths = np.resize(known.strengths, known.starts)[:, None]
     others = np.where([name in ("F_S", "K_T") for name in own.names[2:]], strengths, 1.0) * others
     starts = np.column_stack([np.tile(alone.theta[:-1], (known.starts, 1)), others])
-    runs = 2 * runs_of()
+    runs = known.joint_runs
     for i, fit in enumerate(sliders[: runs - 1]):
         starts[-1 - i * known.starts // runs] = np.append(_stuck(fit), as_slider(fit))
     return searched(PlacedEffect(kind), problem, starts, runs)
@@ -271,14 +273,15 @@ def fit_coupled(
     if not any(np.any(each > 0.0) for each in interacting.amplitude[: len(base.measured.slices)]):
         return None
     known = settings().steady
-    joints = np.concatenate([joint[None], draws[:: known.starts]])
-    ratios = 0.1 * np.sqrt(10.0) ** np.arange(known.ratios)
+    joints = np.concatenate([joint[None], draws[:: known.every]])
     starts = np.concatenate(
-        [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in ratios]
+        [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in known.ratios]
     )
     effect = PlacedEffect(kind)
-    first = searched(effect, moved(base), starts, len(ratios), len(starts), known.rough)
-    fit = searched(effect, moved(own), first.theta[None], 1, 1, known.fine)
+    first = searched(effect, moved(base), starts, len(known.ratios), len(starts), known.rough)
+    starts = np.tile(first.theta, (len(known.nearer), 1))
+    starts[:, -1] *= known.nearer
+    fit = searched(effect, moved(own), starts, 1, len(starts), known.fine)
     return replace(fit, cost=_worth(base, own, fit.left))
 
 

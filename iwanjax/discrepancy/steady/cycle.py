@@ -2,7 +2,6 @@
 
 import abc
 import math
-import sys
 from functools import partial
 from typing import NamedTuple
 
@@ -21,8 +20,11 @@ from iwanjax.quasistatic.modal import Beside, ModalOscillator, about
 from iwanjax.quasistatic.single_harmonic import AbstractCyclic
 from iwanjax.updating.interpolate import cubic
 
-# Of a sum over a cycle, over its largest term: far above what floating point makes of one.
-_ROUNDING = math.sqrt(sys.float_info.epsilon)
+# Of a sum over a cycle, over its largest term.
+_ROUNDING = 1e-10
+# Steps of a motion of two modes come in blocks, so that modes of about the same ratio share a
+# kernel.
+_BLOCK = 256
 
 
 def beside(kind: ForceKind, shape: float, q: np.ndarray, omega: float | np.ndarray) -> Beside:
@@ -303,9 +305,8 @@ class ActingMode(AbstractActing):
         amplitude = tuple(map(jnp.asarray, interacting.amplitude))
         both = np.array([omega, 2.0 * math.pi * interacting.frequency])
         known = settings().steady
-        # Rounded up, so that modes of about the same ratio share a kernel.
-        blocks = math.ceil(known.averaged * known.samples * both.max() / both.min() / known.cycle)
-        steps, other = known.cycle * blocks, jnp.concatenate(amplitude[:curves])
+        blocks = math.ceil(known.averaged * known.samples * both.max() / both.min() / _BLOCK)
+        steps, other = _BLOCK * blocks, jnp.concatenate(amplitude[:curves])
         return cls(other, jnp.asarray(both), amplitude, steps, known.samples, known.sliders)
 
     def at(self, effect: PlacedEffect | None, q: Array, which: int, omega: float) -> "ActingMode":

@@ -17,7 +17,6 @@ from iwanjax.discrepancy.steady.modes import (
     modes_beside,
     modes_with_joint,
     scored,
-    starts_of,
 )
 from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun, clear_differences
 from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
@@ -118,7 +117,8 @@ def diagnose_modes(
     row = replaced(tuple(known.values()), parameters or {})
     base = structural_problem(structure, several, row, modes, None, groups, reference)
     random = np.random.default_rng(seed)
-    draws = drawn(row, random, max(starts, starts_of())) if row else np.zeros((starts_of(), 0))
+    least = settings().steady.mode_starts
+    draws = drawn(row, random, max(starts, least)) if row else np.zeros((least, 0))
     trials.say(f"fitting the joints alone to {len(modes)} mode(s)")
     alone = modes_alone(base, draws)
     if not math.isfinite(alone.cost):

@@ -30,6 +30,8 @@ from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
 
 JOINT_VALUES = len(IWAN_PARAMETERS)
 """Parameters of a joint left out."""
+# Smallest size, over the largest that is plausible, that a search by its logarithm starts from.
+_SMALLEST = 1e-6
 
 
 class PlacedEffect(NamedTuple):
@@ -74,7 +76,7 @@ class Size(eqx.Module):
     def to_variables(self, values: Float[Array, " 1"]) -> Float[Array, " 1"]:
         """The inverse of :meth:`to_values`."""
         share = values / self.scale
-        logarithm = jnp.log(jnp.maximum(jnp.abs(share), jnp.finfo(share.dtype).eps))
+        logarithm = jnp.log(jnp.maximum(jnp.abs(share), _SMALLEST))
         return jnp.where(self.positive > 0, logarithm, share)
 
 
@@ -294,12 +296,6 @@ def searched(
     return SteadyFit(effect, problem, best.values, best.cost, best.cost)
 
 
-def runs_of() -> int:
-    """Starts of a search that are run to their minimum."""
-    known = settings().steady
-    return max(1, known.starts // known.started)
-
-
 def joints_to_begin_with(alone: AnyFit, draws: np.ndarray) -> np.ndarray:
     """Starts of a joint beside an effect: as it is alone, and some of its draws."""
     few = np.tile(alone.theta[:-1], (settings().steady.starts, 1))
@@ -348,7 +344,7 @@ def best_shape(
     first, last = min(begin) / known.beyond, max(begin) * known.beyond
     grid = np.geomspace(first, last, known.shapes).tolist()
     found = [each for each in map(at, grid) if each is not None]
-    for i in range(known.refinements if found else 0):
+    for i in range(known.brackets if found else 0):
         factor = (last / first) ** (0.5 ** (i + 1) / (known.shapes - 1))
         found += _neighbours(best_of(found), factor, at)
     return best_of(_lowest(found, at)) if found else None
@@ -367,7 +363,7 @@ def _neighbours(fit: Fit, factor: float, at: Callable[[float], Fit | None]) -> l
 
 def _lowest(found: list[Fit], at: Callable[[float], Fit | None]) -> list[Fit]:
     """Fits, and those with the shapes that parabolas through them tell."""
-    for _ in range(settings().steady.refinements):
+    for _ in range(settings().steady.parabolas):
         shape = _vertex(found)
         nearer = at(shape) if shape is not None else None
         found = [*found, *([nearer] if nearer is not None else [])]

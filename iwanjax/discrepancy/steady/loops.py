@@ -22,7 +22,6 @@ from iwanjax.discrepancy.steady.fit import (
     as_slider,
     best_shape,
     joints_to_begin_with,
-    runs_of,
     searched,
     with_sizes,
 )
@@ -203,7 +202,9 @@ def loops_alone(
         loops=loops,
         unit=jnp.zeros_like(loops.d),
     )
-    return searched(None, problem, np.column_stack([draws, np.zeros(len(draws))]), runs_of())
+    return searched(
+        None, problem, np.column_stack([draws, np.zeros(len(draws))]), settings().steady.loop_runs
+    )
 
 
 def loops_beside(
@@ -224,7 +225,8 @@ def loops_beside(
         largest = float(jnp.max(jnp.abs(loops.force))) / most
         size = Size(jnp.asarray(largest), jnp.asarray(float(kind.positive)))
         problem = eqx.tree_at(lambda p: (p.unit, p.beside), alone.problem, (unit, size))
-        return searched(effect, problem, with_sizes(few, kind, largest, random), runs_of())
+        starts = with_sizes(few, kind, largest, random)
+        return searched(effect, problem, starts, settings().steady.loop_runs)
 
     return best_shape(kind, kind.shapes(Scales(loops.largest, 1.0)), at)
 
@@ -258,13 +260,13 @@ def loops_with_joint(alone: LoopFit, kind: Kind, sliders: Sequence[LoopFit]) -> 
     )
     others = [
         _joint(share * force, slip * deflection)
-        for share, slip in itertools.product(known.begin, known.begin)
+        for share, slip in itertools.product(known.loop_shares, known.loop_slips)
     ]
     starts = [np.append(alone.theta[:-1], other) for other in others]
-    for fit in sliders[: runs_of() - 1]:
+    for fit in sliders[: known.loop_joint_runs - 1]:
         starts.insert(0, np.append(fit.theta[:-1], as_slider(fit)))
     rows = np.resize(np.array(starts), (known.starts, len(starts[0])))
-    return searched(PlacedEffect(kind), problem, rows, runs_of())
+    return searched(PlacedEffect(kind), problem, rows, known.loop_joint_runs)
 
 
 def _joint(F_S: float, slip: float) -> np.ndarray:

@@ -26,7 +26,6 @@ from iwanjax.discrepancy.steady.fit import (
     as_slider,
     best_shape,
     best_shape_near,
-    runs_of,
     searched,
 )
 from iwanjax.errors import InputError
@@ -128,13 +127,9 @@ class ModesProblem(AbstractCurvesProblem):
 ModesFit = SteadyFit[ModesProblem]
 
 
-def starts_of() -> int:
-    """Starts of one search: half as many as beside a single joint, for each takes all modes."""
-    return settings().steady.starts // 2
-
-
 def _searched(effect: PlacedEffect | None, problem: ModesProblem, starts: np.ndarray) -> ModesFit:
-    return searched(effect, problem, starts, max(1, runs_of() // 2), starts_of())
+    known = settings().steady
+    return searched(effect, problem, starts, known.mode_runs, known.mode_starts)
 
 
 def modes_alone(
@@ -228,11 +223,12 @@ def modes_beside(alone: ModesFit, score: ModesFit, draws: np.ndarray) -> ModesFi
     """The joints and a force at a place, from its score and from some draws of the joints."""
     effect = score.effect
     assert effect is not None
-    sizes = score.theta[-1] * np.resize(settings().steady.begin, starts_of())
-    joints = np.tile(alone.theta[:-1], (starts_of(), 1))
+    known = settings().steady
+    sizes = score.theta[-1] * np.resize(known.sizes, known.mode_starts)
+    joints = np.tile(alone.theta[:-1], (known.mode_starts, 1))
     # In each group of starts that a search compares there is one far away.
-    groups = np.array_split(np.arange(len(joints)), max(1, runs_of() // 2))
-    joints[[group[-1] for group in groups]] = draws[1 : 1 + len(groups)]
+    far = joints[len(known.sizes) - 1 :: len(known.sizes)]
+    far[:] = draws[1 : 1 + len(far)]
     starts = np.column_stack([joints, sizes])
 
     def at(shape: float) -> ModesFit:
@@ -276,7 +272,7 @@ def modes_with_joint(
         Those at the place, the best first.
     """
     label, row = place
-    base = alone.problem.base
+    base, known = alone.problem.base, settings().steady
     structure = base.structure
     inside = np.abs(row @ np.asarray(structure.basis.Phi))[list(base.modes)]
     largest = [float(np.max(q)) * each for q, each in zip(base.levels, inside, strict=True)]
@@ -285,9 +281,9 @@ def modes_with_joint(
         return None
     guesses = [
         _joint(stiffness * k, max(largest) * slip)
-        for k, slip in itertools.product(settings().steady.begin, settings().steady.begin)
+        for k, slip in itertools.product(known.stiffnesses, known.slips)
     ]
-    starts = np.array([*map(as_slider, sliders[:2]), *guesses][: starts_of()])
+    starts = np.array([*map(as_slider, sliders[:2]), *guesses][: known.mode_starts])
     # Its parameters are the last of the joints', before the modes' damping.
     first = len(parameters) - len(base.modes)
     others = np.tile(alone.theta[:-1], (len(starts), 1))
@@ -303,9 +299,8 @@ def modes_with_joint(
 
     rough = fitted(given, own)
     # About the joint that was found: modes' own damping is worked out where that is stuck.
-    # Far below macroslip its strength and beta lie in a long valley, where a search ends anywhere.
-    again = np.tile(rough.theta[:-1], (starts_of(), 1))
-    again[1:, first] *= np.geomspace(0.5, 2.0, len(again) - 1)
+    again = np.tile(rough.theta[:-1], (len(known.again), 1))
+    again[:, [first, first + JOINT_VALUES - 1]] *= known.again
     try:
         fit = fitted(Iwan4(*rough.theta[first : first + JOINT_VALUES]), again)
     except InputError:
@@ -340,8 +335,7 @@ def _stiffness(curves: Sequence[ModalCurves], inside: np.ndarray) -> float:
 def _deflections(d: np.ndarray) -> np.ndarray:
     """Amplitudes that a force is worked out for, (curves, deflections)."""
     # A mode that hardly moves the place still has a row of its own.
-    known = settings().steady
-    floor = known.negligible * d.max()
+    known, floor = settings().steady, 1e-6 * d.max()
     low, high = np.maximum(d.min(axis=1), floor), np.maximum(d.max(axis=1), 10.0 * floor)
     return np.geomspace(low / known.reach, high * known.reach, known.deflections, axis=1)
 
@@ -368,11 +362,11 @@ def _largest(unit: Beside, level: Array, d: np.ndarray, base: StructuralProblem)
     """
     omega2 = np.asarray(_omega(base.measured)) ** 2
     moved = (d / np.asarray(base.levels)) ** 2 / omega2[:, None]
-    shares, factor = [], settings().steady.largest
+    shares, known = [], settings().steady
     for c, part in enumerate(base.measured.slices):
         zeta = 2.0 * math.pi * float(np.max(np.asarray(base.measured.damping)[part]))
         at, x = np.log(np.maximum(d[c], 1e-300)), np.asarray(level)[c]
-        for told, most in ((unit.stiffness, 1.0 / factor), (unit.loss, factor * zeta)):
+        for told, most in ((unit.stiffness, known.softest), (unit.loss, known.damped * zeta)):
             change = np.abs(np.interp(at, x, np.asarray(told)[c])) * moved[c]
             shares.append(float(change.max()) / most)
     return 1.0 / max(shares) if max(shares) > 0.0 else None

@@ -333,7 +333,8 @@ def _refitted(fit: AnyFit, parameters: Sequence[Parameter], name: str) -> tuple[
 def _misfit(errors: Errors, foreseen: Errors) -> Misfit:
     """Over what is no surprise."""
     return Misfit(
-        errors.fit / foreseen.fit, errors.hold_out / foreseen.hold_out / settings().judgement.sure
+        errors.fit / foreseen.fit,
+        errors.hold_out / foreseen.hold_out / settings().judgement.uncertain,
     )
 
 
@@ -351,14 +352,14 @@ def _warnings(after: Errors, foreseen: Errors, unknown: float, detected: bool) -
     if math.isnan(after.hold_out):
         told.append("No recording was held out, so nothing shows that the verdict holds")
     ratio = after.fit / foreseen.fit
-    if ratio > settings().judgement.notable:
+    if ratio > settings().judgement.unexplained:
         rest = "also with it" if detected else "and nothing that was tried explains it"
         told.append(
             f"The fitted recordings are {ratio:.2g} times their deviations off, {rest} "
             f"(probability {unknown:.2f} that something else is missing)"
         )
     ratio = after.hold_out / foreseen.hold_out
-    if ratio > settings().judgement.sure:
+    if ratio > settings().judgement.uncertain:
         told.append(
             f"The held-out recordings are off by {ratio:.2g} times their deviations: either "
             "something acts there that those fitted do not show, or the joint was fitted to the "

@@ -2,16 +2,18 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from struck_mass import N, resolution
 
+from iwanjax.discrepancy.histories import ranking
 from iwanjax.discrepancy.histories.joint_priors import of_logarithm
 from iwanjax.discrepancy.histories.noise import common_noise, noise_of
 from iwanjax.discrepancy.histories.recordings import StudyRecording, before_force, cleaned
 from iwanjax.discrepancy.histories.time_steps import StudyData
-from iwanjax.discrepancy.history_settings import CONDITIONING
+from iwanjax.discrepancy.history_settings import CONDITIONING, HISTORIES
 from iwanjax.joints import Iwan4
 
 RESPONSE = np.random.default_rng(1).standard_normal((N, 1))
@@ -59,3 +61,24 @@ def test_what_drifts_has_the_deviation_of_its_prior():
     assert known["F_S"] == 0.5
     assert known["K_T"] == 0.1
     assert math.isfinite(sum(known.values()))
+
+
+@pytest.mark.parametrize(
+    ("time_constant", "steps", "tolerance"),
+    [(8.0, 12, 1e-3), (40.0, 15, 1e-4), (math.inf, 15, 1e-4)],
+)
+def test_a_polish_has_more_steps_and_a_finer_end_and_is_given_up_later_than_a_search(
+    monkeypatch, time_constant, steps, tolerance
+):
+    asked = []
+
+    def searched(problem, starts, *arguments, **options):
+        asked.append((*arguments, options["tolerance"], options["give_up"]))
+        return []
+
+    monkeypatch.setattr(ranking, "multistart", searched)
+    problem, scope = SimpleNamespace(settings=HISTORIES), SimpleNamespace(in_time=None)
+    ranking.refitted(problem, [], time_constant, 1.0, scope)  # type: ignore[arg-type]
+    ranking.refitted(problem, [], time_constant, 1.0, scope, 1.5)  # type: ignore[arg-type]
+    assert asked == [(time_constant, steps, tolerance, give_up) for give_up in (30.0, 1.5)]
+    assert HISTORIES.selection.give_up == 10.0
