@@ -32,6 +32,7 @@ from iwanjax.errors import InputError
 from iwanjax.estimation.evidence import LEAST_GAIN
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
+from iwanjax.structures.trust import LinearTrust
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
@@ -48,6 +49,7 @@ def diagnose_histories(
     quantity: Quantity = "acceleration",
     hypotheses: tuple[str, ...] = (),
     noise: Mapping[str, float] | None = None,
+    trust: LinearTrust | None = None,
     budget: float = math.inf,
     seed: int = 0,
     progress: Callable[[str], None] = lambda line: None,
@@ -84,6 +86,9 @@ def diagnose_histories(
         Kinds to try; all of the catalogue by default.
     noise : mapping of str to float, optional
         Standard deviation of a sensor's noise, in its unit, where that is known.
+    trust : LinearTrust, optional
+        How exact the linear model is: its frequencies and damping are fitted with the joints,
+        within that prior. Exact where it is not said.
     budget : float
         Time to spend, s.
     seed : int
@@ -123,6 +128,7 @@ def diagnose_histories(
         sampling_rate,
         quantity,
         forces,
+        trust=trust,
     )
     resolution = StepRefinement(predictor_of, joints, recordings, deviations, numbers)
     now = resolution.of_model()

@@ -108,7 +108,11 @@ def _of_joint(
             found.append(Estimate(info, each * float(fitted.x[rate]), each * std))
         return tuple(found)
     stuck = kind.name == "stiction"
-    places = [4] if stuck else list(range(problem.parameters - 4, problem.parameters))
+    places = (
+        [problem.predictor.errors + 4]
+        if stuck
+        else list(range(problem.parameters - 4, problem.parameters))
+    )
     joints = joints_of(problem.joints, jax.device_put(theta[: problem.parameters]))
     joint = joints[0 if stuck else -1]
     found = []

@@ -157,14 +157,15 @@ def with_stiction(
         (problem.predictor.joints[at], problem.predictor.stiffness[at]),
     )
     other = replace(problem, predictor=predictor, joints=joints, compiled=set(), _process={})
-    ends = np.cumsum([len(each.given.parameters) for each in problem.joints])
-    parts = np.split(z, ends[:-1])
+    errors = problem.predictor.errors
+    ends = errors + np.cumsum([len(each.given.parameters) for each in problem.joints])
+    linear, *parts = np.split(z, [errors, *ends[:-1]])
     starts = []
     for theta in thetas:
         # As much force in macroslip as before.
         strength = float(values["F_S"]) / theta
         own = np.append(parts[joint], 0.0) + located(stuck, {"F_S": strength, "theta": theta})
-        moved = np.concatenate([own, *(parts[i] for i in order[1:])])
+        moved = np.concatenate([linear, own, *(parts[i] for i in order[1:])])
         start = _as_nothing(other, kind, label, moved)
         if beside is not None:
             start = joined(other, [start, _moved(beside, problem.parameters, moved)])

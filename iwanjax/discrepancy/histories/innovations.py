@@ -119,6 +119,7 @@ def _run(
     kept: Callable[[PlaceMotion], Any],
 ) -> tuple[Array, Any]:
     """Innovations, and what is kept of the places' motion at each step."""
+    predictor = predictor.with_errors(values.z)
     run = _Run.of(predictor, joints, suspects, values, data.push)
     kick = data.unsure @ values.state
 

@@ -1,7 +1,7 @@
 """Joints about the values that a study gives: their priors, and how parameters follow from z."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -93,12 +93,17 @@ def _deviation(info: ParameterInfo, value: Scalar) -> Scalar:
     return jnp.abs(value)
 
 
+def parameters_of(joints: Sequence[Joint]) -> int:
+    """How many parameters joints have in all."""
+    return sum(len(joint.given.parameters) for joint in joints)
+
+
 def joints_at(joints: tuple[Joint, ...], z: Array) -> tuple[AbstractJoint, ...]:
-    """All joints at z, the parameters of one after the other."""
+    """All joints at z, whose last values are the parameters of one after the other."""
     if not joints:
         return ()
     ends = np.cumsum([len(joint.given.parameters) for joint in joints])
-    parts = jnp.split(jnp.asarray(z), ends[:-1])
+    parts = jnp.split(jnp.asarray(z)[-ends[-1] :], ends[:-1])
     return tuple(joint.at(part) for joint, part in zip(joints, parts, strict=True))
 
 

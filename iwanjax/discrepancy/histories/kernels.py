@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import shipped
 from iwanjax.discrepancy.histories.innovations import innovations, motions
-from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at
+from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at, parameters_of
 from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values
 from iwanjax.joints import PlaceMotion
@@ -56,7 +56,7 @@ def residuals(
     data: Data,
 ) -> tuple[Float[Array, "recordings N sensors"], Float[Array, "recordings N sensors"]]:
     """Weighted residuals of a hypothesis in each recording, and what they are made of."""
-    parameters = sum(len(joint.given.parameters) for joint in joints)
+    parameters = predictor.errors + parameters_of(joints)
     slots = suspects.row.shape[0]
 
     def one(theta: Array, data: Data) -> tuple[Array, Array]:
@@ -88,7 +88,7 @@ def slopes(
 
     ``turned`` is how the observer's gain, designed for each theta, changes along them.
     """
-    parameters = sum(len(joint.given.parameters) for joint in joints)
+    parameters = predictor.errors + parameters_of(joints)
     slots = suspects.row.shape[0]
 
     def one(theta: Array, data: Data) -> tuple[Array, Array]:
@@ -143,7 +143,7 @@ def unit_forces(
     ``suspects`` are those that act already. ``shapes`` has a grid for each of the predictor's
     kinds; a kind with an empty one is left out.
     """
-    parameters = sum(len(joint.given.parameters) for joint in joints)
+    parameters = predictor.errors + parameters_of(joints)
     slots, places = suspects.row.shape[0], rows.shape[0]
     watched = Suspects(
         jnp.concatenate([suspects.row, rows]),
@@ -181,7 +181,7 @@ def responses(
     data: Data,
 ) -> tuple[Float[Array, "batch recordings N sensors"]]:
     """What small forces and faults of sensors would change in the residuals."""
-    parameters = sum(len(joint.given.parameters) for joint in joints)
+    parameters = predictor.errors + parameters_of(joints)
     slots = suspects.row.shape[0]
 
     def one(theta: Array, force: Array, shown: Array, data: Data) -> Array:

@@ -76,7 +76,7 @@ def _by_joint(problem: HistoryProblem, fitted: HypothesisFit) -> list[list[Alter
     """Alternatives of each joint that has some, the nearest macroslip first."""
     p = problem.parameters
     z = fitted.theta.mean(axis=0)[:p]
-    made, first, found = joints_of(problem.joints, jax.device_put(z)), 0, []
+    made, first, found = joints_of(problem.joints, jax.device_put(z)), problem.predictor.errors, []
     for fit, joint in zip(made, problem.joints, strict=True):
         count = len(joint.given.parameters)
         own = slice(first, first + count)

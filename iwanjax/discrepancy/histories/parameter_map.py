@@ -1,7 +1,7 @@
 """Where each value of a hypothesis stands in its vector theta.
 
-First the joints' parameters in prior deviations, one joint after the other; then size and shape of
-each slot; then, for each recording on its own, errors of the state.
+First errors of the linear model and the joints' parameters in prior deviations, one joint after the
+other; then size and shape of each slot; then, for each recording on its own, errors of the state.
 """
 
 from typing import NamedTuple

@@ -1,5 +1,6 @@
 """What predicts recordings from a sample to the next: modes, places of joints, sensors, forces."""
 
+import math
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -10,7 +11,9 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import ForceKind
 from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
+from iwanjax.signals.comparison_band import END
 from iwanjax.structures import JointedStructure
+from iwanjax.structures.trust import LinearTrust
 
 
 class Suspects(NamedTuple):
@@ -41,7 +44,7 @@ class Values(NamedTuple):
     Attributes
     ----------
     z : (parameters,) array
-        Joint parameters, in prior deviations from those given.
+        Errors of the linear model, then joint parameters, in prior deviations from those given.
     suspects : (slots, 2) array
         Of each slot the size in its unit, or its logarithm, and the logarithm of its shape.
     state : (directions,) array
@@ -95,10 +98,13 @@ def on(coefficient: Array, x: Array) -> Array:
     return (coefficient * x.T).T
 
 
-def hold(omega2: Float[np.ndarray, " modes"], C: Float[np.ndarray, "*modes"], dt: float) -> Hold:
+def hold(omega2: Array, C: Array, dt: Array | float, xp: Any = np) -> Hold:
     r"""The step of :math:`\ddot q + C\dot q + \omega^2 q = p`, by the matrix exponential.
 
-    The force's coefficients are states too (Van Loan 1978).
+    With :math:`z = (q, h\dot q)` over a step h the map is :math:`e^A`, and a force
+    :math:`s^k/k!` adds :math:`h^2\varphi_{k+1}(A)` of its column, where
+    :math:`\varphi_k(A) = \sum_i A^i/(i+k)!`: a series of a small part of A, doubled back
+    (Higham 2008, section 10.7.4).
 
     Parameters
     ----------
@@ -107,44 +113,55 @@ def hold(omega2: Float[np.ndarray, " modes"], C: Float[np.ndarray, "*modes"], dt
     C : (modes,) or (modes, modes) array
         Modal damping, 1/s.
     dt : float
-        Step, s.
+        Step h, s.
+    xp : module
+        ``jax.numpy`` within a kernel.
     """
-    import scipy.linalg
-
     coupled = C.ndim == 2
-    size = len(omega2) if coupled else 1
-    eye, none = np.eye(size), np.zeros((size, size))
-    K = np.diag(omega2)[None] if coupled else omega2[:, None, None]
+    size = omega2.shape[0] if coupled else 1
+    eye = xp.eye(size)
+    K = xp.diag(omega2)[None] if coupled else omega2[:, None, None]
     damping = C[None] if coupled else C[:, None, None]
-
-    def rows(*blocks: np.ndarray) -> np.ndarray:
-        whole = [np.broadcast_to(block, K.shape) for block in blocks]
-        return np.concatenate(whole, axis=2)
-
+    both = xp.broadcast_to(eye, K.shape), xp.zeros(K.shape)
     # Velocities times the step: both halves of the state are of one size then.
-    F = np.concatenate(
-        [
-            rows(none, eye, none, none, none),
-            rows(-K * dt**2, -damping * dt, eye * dt**2, none, none),
-            rows(none, none, none, eye, none),
-            rows(none, none, none, none, eye),
-            rows(none, none, none, none, none),
-        ],
-        axis=1,
-    )
-    E = np.stack([scipy.linalg.expm(each) for each in F])
+    lower = xp.concatenate([-K * dt**2, -damping * dt], axis=2)
+    A = xp.concatenate([xp.concatenate(both[::-1], axis=2), lower], axis=1)
+    E, by_1, by_2, by_3 = _phi(A, xp)
 
-    def part(i: int, j: int, factor: float) -> Any:
-        block = factor * E[:, i * size : (i + 1) * size, j * size : (j + 1) * size]
-        return block[0] if coupled else block[:, 0, 0]
+    def part(block: Array, i: int, j: int, factor: Any) -> Any:
+        found = factor * block[:, i * size : (i + 1) * size, j * size : (j + 1) * size]
+        return found[0] if coupled else found[:, 0, 0]
 
     # The force's second derivative is twice its last coefficient.
-    return Hold(
-        (part(0, 0, 1.0), part(0, 1, dt)),
-        (part(1, 0, 1.0 / dt), part(1, 1, 1.0)),
-        (part(0, 2, 1.0), part(0, 3, 1.0), part(0, 4, 2.0)),
-        (part(1, 2, 1.0 / dt), part(1, 3, 1.0 / dt), part(1, 4, 2.0 / dt)),
-    )
+    through = ((by_1, 1.0), (by_2, 1.0), (by_3, 2.0))
+    q_by = tuple(part(block, 0, 1, factor * dt**2) for block, factor in through)
+    v_by = tuple(part(block, 1, 1, factor * dt) for block, factor in through)
+    q = part(E, 0, 0, 1.0), part(E, 0, 1, dt)
+    return Hold(q, (part(E, 1, 0, 1.0 / dt), part(E, 1, 1, 1.0)), q_by, v_by)
+
+
+# Terms of the series, exact to the last digit for a part of norm 1; doublings, for 32 times that:
+# a mode at the highest frequency that is kept has 4, or 32 where its damping is 4 times critical.
+_TERMS, _DOUBLINGS = 16, 5
+
+
+def _phi(A: Array, xp: Any) -> tuple[Array, Array, Array, Array]:
+    """The exponential of a stack of matrices, and the first three functions after it."""
+    small = A / 2.0**_DOUBLINGS
+    power = xp.broadcast_to(xp.eye(A.shape[-1]), A.shape)
+    found = [power / math.factorial(k) for k in range(4)]
+    for i in range(1, _TERMS):
+        power = power @ small
+        found = [each + power / math.factorial(i + k) for k, each in enumerate(found)]
+    for _ in range(_DOUBLINGS):
+        E, one, two, three = found
+        found = [
+            E @ E,
+            (E @ one + one) / 2.0,
+            (E @ two + one + two) / 4.0,
+            (E @ three + one / 2.0 + two + three) / 8.0,
+        ]
+    return found[0], found[1], found[2], found[3]
 
 
 Quantity = Literal["acceleration", "velocity", "displacement"]
@@ -203,6 +220,9 @@ class Predictor(eqx.Module):
         Over one step.
     dt : array
         Step, s.
+    uncertain : (2, modes) array
+        Prior deviations of the logarithms of the first natural frequencies and modal dampings:
+        how far the linear model is trusted. No column where it is taken to be exact.
     """
 
     omega2: Float[Array, " kept"]
@@ -213,6 +233,7 @@ class Predictor(eqx.Module):
     stiffness: Float[Array, " joints"]
     by: Hold
     dt: Array
+    uncertain: Float[Array, "2 modes"]
     kinds: tuple[ForceKind, ...] = eqx.field(static=True)
     quantity: Quantity = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
@@ -221,6 +242,25 @@ class Predictor(eqx.Module):
     def kept(self) -> int:
         """Number of modes that move."""
         return self.omega2.shape[0]
+
+    @property
+    def errors(self) -> int:
+        """Number of errors of the linear model that are fitted."""
+        return self.uncertain.size
+
+    def with_errors(self, z: Float[Array, " parameters"]) -> "Predictor":
+        """The modes with errors of so many deviations, the first of z; shapes are as they are."""
+        if not self.errors:
+            return self
+        there = jnp.exp(self.uncertain * z[: self.errors].reshape(2, -1))
+        frequency, damping = (
+            jnp.ones(self.kept).at[: there.shape[1]].set(factor) for factor in there
+        )
+        omega2, root = self.omega2 * frequency**2, jnp.sqrt(damping)
+        C = root[:, None] * self.C * root if self.C.ndim == 2 else self.C * damping
+        return eqx.tree_at(
+            lambda p: (p.omega2, p.C, p.by), self, (omega2, C, hold(omega2, C, self.dt, jnp))
+        )
 
     def blank(self, slots: int = 1) -> Suspects:
         """No suspects in so many slots."""
@@ -311,6 +351,7 @@ def predictor(
     quantity: Quantity,
     kinds: tuple[ForceKind, ...],
     substeps: int,
+    trust: LinearTrust | None = None,
 ) -> tuple[Predictor, ModalCoordinates]:
     """The predictor of a structure, and the modes it is in.
 
@@ -328,6 +369,8 @@ def predictor(
         What may be missing.
     substeps : int
         Steps between samples.
+    trust : LinearTrust, optional
+        How exact the linear model is; exact where it is not said.
     """
     modal = modal_coordinates(structure, inputs, sensors, None)
     omega2, C, Y = np.asarray(modal.omega2), np.asarray(modal.C), np.asarray(modal.Y)
@@ -344,8 +387,19 @@ def predictor(
         modal.stiffness,
         jax.device_put(hold(omega2[:kept], C[part], dt)),
         jax.device_put(np.asarray(dt)),
+        jax.device_put(_uncertain(trust, omega2[:kept], sampling_rate)),
         kinds,
         quantity,
         substeps,
     )
     return made, modal
+
+
+def _uncertain(
+    trust: LinearTrust | None, omega2: Float[np.ndarray, " kept"], sampling_rate: float
+) -> np.ndarray:
+    """Deviations of the modes that are compared: what lies above shows nothing of itself."""
+    seen = int(np.sum(omega2 < (2.0 * np.pi * END * sampling_rate) ** 2))
+    if trust is None:
+        return np.zeros((2, 0))
+    return trust.deviations(omega2[:seen])

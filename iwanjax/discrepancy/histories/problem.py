@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.histories.joint_priors import Joint, tangents
+from iwanjax.discrepancy.histories.joint_priors import Joint, parameters_of, tangents
 from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects
@@ -135,8 +135,14 @@ class HistoryProblem:
 
     @cached_property
     def parameters(self) -> int:
-        """Number of joint parameters."""
-        return sum(len(joint.given.parameters) for joint in self.joints)
+        """Number of errors of the linear model and joint parameters."""
+        return self.predictor.errors + parameters_of(self.joints)
+
+    def with_given_joints(self, z: np.ndarray) -> np.ndarray:
+        """The linear model at z, the joints as given."""
+        found = np.zeros_like(z)
+        found[: self.predictor.errors] = z[: self.predictor.errors]
+        return found
 
     @property
     def map(self) -> ParameterMap:
@@ -260,7 +266,7 @@ def _neighbours(
     """Values beside those of each member, along all that a linear system depends on."""
     rows, owners = [], []
     stiff = [
-        i
+        problem.predictor.errors + i
         for i, info in enumerate(
             info for joint in problem.joints for info in joint.given.parameters
         )
@@ -312,6 +318,6 @@ def rates(problem: HistoryProblem, hypothesis: Hypothesis) -> list[int]:
 
 def drifting_values(problem: HistoryProblem, joint: int) -> list[int]:
     """Places in theta of what drifts in a joint."""
-    first = sum(len(each.given.parameters) for each in problem.joints[:joint])
+    first = problem.predictor.errors + parameters_of(problem.joints[:joint])
     names = [info.name for info in problem.joints[joint].given.parameters]
     return [first + names.index(name) for name in _DRIFTING if name in names]

@@ -34,7 +34,8 @@ def joints_refitted(
     p = problem.parameters
     z = fitted.theta.mean(axis=0)[:p]
     known = np.sqrt(np.maximum(np.diag(covariance(problem, fitted))[:p], 0.0))
-    joints, found, first = joints_of(problem.joints, jax.device_put(z)), [], 0
+    joints, found = joints_of(problem.joints, jax.device_put(z)), []
+    first = problem.predictor.errors
     # Two evaluations for each parameter give its slope.
     beside = [joints_of(problem.joints, jax.device_put(z + DIFFERENCE * e)) for e in np.eye(p)]
     for i, (name, joint) in enumerate(zip(ordered(problem, fitted, labels), joints, strict=True)):

@@ -41,10 +41,10 @@ _SAME = 1.02
 def nominal_fit(problem: HistoryProblem, scope: Scope, seed: int) -> HypothesisFit:
     """Joints refitted from several starts: a local minimum here would be a false alarm."""
     random = np.random.default_rng(seed)
-    draws = random.standard_normal((_STARTS - 1, problem.parameters))
+    given = np.zeros(problem.parameters)
     starts = [
         Start(problem.nothing(), problem.map.given(z))
-        for z in (np.zeros(problem.parameters), *draws)
+        for z in (given, *_scattered(problem, given, _STARTS - 1, random))
     ]
     found = multistart(
         problem,
@@ -70,6 +70,15 @@ def nominal_fit(problem: HistoryProblem, scope: Scope, seed: int) -> HypothesisF
     )
     best = min(found, key=lambda each: each.cost)
     return settled(problem, best, scope) if best.cost < FAR * left_by_noise(problem) else best
+
+
+def _scattered(
+    problem: HistoryProblem, z: np.ndarray, count: int, random: np.random.Generator
+) -> list[np.ndarray]:
+    """Joints all over their prior, the linear model as it is."""
+    errors = problem.predictor.errors
+    draws = random.standard_normal((count, problem.parameters - errors))
+    return [np.concatenate([z[:errors], draw]) for draw in draws]
 
 
 def _ends(fits: Sequence[HypothesisFit]) -> list[Start]:
@@ -103,7 +112,8 @@ def restarted(
         if entry.fitted.cost > FAR * best.cost or not scope.in_time():
             continue
         p = own.parameters
-        draws = [np.zeros(p), *random.standard_normal((_RESTARTS - 1, p))]
+        z = own.with_given_joints(start.common[:p])
+        draws = [z, *_scattered(own, z, _RESTARTS - 1, random)]
         starts = [Start(start.hypothesis, np.concatenate([z, start.common[p:]])) for z in draws]
         fits = scattered(own, starts, shortest, scope, everywhere)
         if fits[0].cost > FAR * shortest:

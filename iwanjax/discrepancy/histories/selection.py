@@ -280,7 +280,8 @@ def first_fits(
 def _starts(problem: HistoryProblem, candidate: Candidate, far: bool) -> list[Start]:
     """A candidate with the joints it was screened with, and as given where these are bent."""
     start, p = candidate.start, problem.parameters
-    given = Start(start.hypothesis, np.concatenate([np.zeros(p), start.common[p:]]))
+    z = problem.with_given_joints(start.common[:p])
+    given = Start(start.hypothesis, np.concatenate([z, start.common[p:]]))
     return [start, given] if far else [start]
 
 
