@@ -54,6 +54,9 @@ class Diagnosis(AbstractResult):
         Of the screening, the largest drop first.
     joints : tuple of Refitted
         Joints, or modes with theirs, as refitted: with the first of ``what``, where there is one.
+    modes : tuple of Refitted
+        By how much the linear model's modes were moved within their trust; none where it is
+        exact.
     runs : tuple of Free, CurveRun, ModesRun or LoopRun
         Predictions before and after, of all recordings: free runs, curves, or loops.
     sampling_rate : float
@@ -106,6 +109,7 @@ class Diagnosis(AbstractResult):
     complete: bool
     seconds: float
     failures: tuple[str, ...] = ()
+    modes: tuple[Refitted, ...] = field(default=(), repr=False)
     model: JointedStructure | None = field(default=None, repr=False)
 
     @property

@@ -38,6 +38,7 @@ def as_json(verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
         "probability_something_else": whole.something_else,
         "what": sorted(_joined(each, "what"), key=lambda suspect: -suspect["probability"]),
         "joints": {name: values for part in each for name, values in part["joints"].items()},
+        "linear_model": {},
         "observables": _joined(each, "observables"),
         "fit": {
             errors: _root_mean_square([part["fit"][errors] for part in each])
@@ -72,6 +73,7 @@ def _of_one(verdict: Diagnosis) -> dict[str, Any]:
             for each in verdict.what
         ],
         "joints": {each.name: _parameters(each.parameters) for each in verdict.joints},
+        "linear_model": {each.name: _parameters(each.parameters) for each in verdict.modes},
         "observables": [
             {
                 "recording": each.recording,

@@ -170,18 +170,24 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
         "Frequency and damping that the model with its joints refitted gets wrong.",
         words=(0, 1, 2),
     )
-    joints = PageTable(
-        ("Joint", "Parameter", "Value", "Deviation", "Unit"),
-        tuple(
-            (each.name, p.info.name, *with_deviation(p.value, p.std), p.info.dimension)
-            for each in verdict.joints
-            for p in each.parameters
-        ),
-        "The joints as refitted" + (", with the first suspect." if verdict.what else "."),
-        words=(0, 1, 4),
+    joints, linear = (
+        PageTable(
+            (what, "Parameter", "Value", "Deviation", "Unit"),
+            tuple(
+                (each.name, p.info.name, *with_deviation(p.value, p.std), p.info.dimension)
+                for each in refitted
+                for p in each.parameters
+            ),
+            caption + (", with the first suspect." if verdict.what else "."),
+            words=(0, 1, 4),
+        )
+        for what, refitted, caption in (
+            ("Joint", verdict.joints, "The joints as refitted"),
+            ("Mode", verdict.modes, "The linear model as refitted within its trust"),
+        )
     )
     tables = [recordings]
     tables += [rivals] * bool(verdict.what) + [joints] * bool(verdict.joints)
-    tables += [modes] * bool(verdict.observables)
+    tables += [linear] * bool(verdict.modes) + [modes] * bool(verdict.observables)
     title = f"{name}: what it rests on" if static else "What it rests on"
     return PageSection(title, (), tuple(pictures), tuple(tables))

@@ -4,12 +4,15 @@ from collections.abc import Mapping
 
 import jax
 import numpy as np
+from jaxtyping import Array
 
 from iwanjax.discrepancy.effects import ForceKind
 from iwanjax.discrepancy.histories.estimates import estimates
 from iwanjax.discrepancy.histories.joint_priors import joints_of
+from iwanjax.discrepancy.histories.predictor import Predictor
 from iwanjax.discrepancy.histories.ranking import RankedFit
 from iwanjax.discrepancy.histories.refitted import ordered
+from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.joints import Dashpot, Inertia, LinearSpring
 from iwanjax.structures import JointedStructure, LinearStructure
 
@@ -18,9 +21,15 @@ _MATRIX = {Inertia: "M", Dashpot: "C", LinearSpring: "K"}
 
 
 def corrected_model(
-    structure: JointedStructure, best: RankedFit, rows: Mapping[str, np.ndarray]
+    structure: JointedStructure,
+    best: RankedFit,
+    rows: Mapping[str, np.ndarray],
+    modal: ModalCoordinates,
 ) -> JointedStructure:
     r"""The structure with the joints of a fit and the laws that it adds.
+
+    Modes \Phi whose frequencies and damping were fitted move K by
+    :math:`M\Phi\,\Delta(\omega^2)\,\Phi^T M`, and C likewise; their shapes stay.
 
     A mass, a damper or a spring at a row b goes into the matrices, :math:`M + m\,bb^T` and the
     same of C and K; any other law is a joint more, called kind@place. Faults of sensors change
@@ -34,6 +43,8 @@ def corrected_model(
         What to correct it by.
     rows : mapping of str to (n,) array
         Of the places where a force may be missing.
+    modal : ModalCoordinates
+        That the fit is in.
 
     Returns
     -------
@@ -51,6 +62,9 @@ def corrected_model(
     joints |= {f"iwan_joint@{where}": (rows[where], joint) for where, joint in added}
     linear = structure.structure
     matrices = {name: np.array(getattr(linear, name)) for name in "MCK"}
+    if problem.predictor.errors:
+        more = _changes(problem.predictor, np.asarray(z), matrices["M"] @ np.asarray(modal.Phi))
+        matrices |= {name: matrices[name] + change for name, change in more.items()}
     hypothesis = fitted.hypothesis
     for slot, (kind, where) in enumerate(zip(hypothesis.kinds, hypothesis.where, strict=True)):
         if not isinstance(kind, ForceKind):
@@ -63,3 +77,18 @@ def corrected_model(
             law = kind.law.scaled(size, shape, **dict(kind.held))
             joints[f"{kind.name}@{where}"] = (row, law)
     return JointedStructure(LinearStructure(**matrices), joints)
+
+
+def _changes(predictor: Predictor, z: np.ndarray, shapes: np.ndarray) -> dict[str, np.ndarray]:
+    """What errors of the modes change in stiffness and damping; ``shapes`` is M Phi."""
+    there = predictor.with_errors(jax.device_put(z))
+    kept = shapes[:, : predictor.kept]
+
+    def change(now: Array, given: Array) -> np.ndarray:
+        by = np.asarray(now) - np.asarray(given)
+        return kept @ (np.diag(by) if by.ndim == 1 else by) @ kept.T
+
+    return {
+        "K": change(there.omega2, predictor.omega2),
+        "C": change(there.C, predictor.C),
+    }

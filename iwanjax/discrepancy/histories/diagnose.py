@@ -22,7 +22,7 @@ from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import Quantity, predictor
 from iwanjax.discrepancy.histories.ranking import Scope, containing
 from iwanjax.discrepancy.histories.recordings import StudyRecording
-from iwanjax.discrepancy.histories.refitted import joints_refitted
+from iwanjax.discrepancy.histories.refitted import beyond_trust, joints_refitted, modes_refitted
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
@@ -198,7 +198,9 @@ def diagnose_histories(
             )
     model = attempted(
         "building the corrected model",
-        lambda: corrected_model(structure, table.best if verdict.found else table.nominal, places),
+        lambda: corrected_model(
+            structure, table.best if verdict.found else table.nominal, places, now.modal
+        ),
         None,
         failures,
     )
@@ -208,6 +210,9 @@ def diagnose_histories(
         for name in places
         if name not in moving
     ]
+    rigid = int(np.sum(np.asarray(problem.predictor.omega2) == 0.0))
+    modes = [f"mode {i - rigid + 1}" for i in range(problem.predictor.kept)]
+    warnings += beyond_trust(shown.problem, shown.fitted, modes)
     warnings += _left(after[0], bool(what), verdict.something_else)
     warnings += _unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what) if what else ()
@@ -226,6 +231,7 @@ def diagnose_histories(
         observables=differing,
         scores=table.scores,
         joints=joints_refitted(shown.problem, shown.fitted, tuple(structure.labels)),
+        modes=modes_refitted(shown.problem, shown.fitted, modes),
         runs=(_joined(before), _joined(after)),
         sampling_rate=sampling_rate,
         restoring=restoring,
