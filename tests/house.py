@@ -34,7 +34,7 @@ MODULES = {
     ".": 10,
     "config": 19,
     "discrepancy": 53,
-    "dynamics": 15,
+    "dynamics": 16,
     "estimation": 13,
     "files": 6,
     "plotting": 16,

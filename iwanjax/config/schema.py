@@ -9,9 +9,13 @@ from iwanjax.config.matrices import MatricesSection
 from iwanjax.config.prior import Prior
 from iwanjax.config.qsma import QsmaSettings
 from iwanjax.config.recordings import RecordingSection
-from iwanjax.config.section import Band, ConfigSection, Index, Pair, Positive
+from iwanjax.config.section import Band, ConfigSection, Index, OneOrMore, Pair, Positive
 from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
 from iwanjax.config.simulate import SimulateSections
+from iwanjax.structures import LinearTrust
+
+Shares = Annotated[tuple[Annotated[float, Field(ge=0, lt=1)], ...], Field(min_length=1), OneOrMore]
+"""Relative deviations: half, not 50."""
 
 _SOURCES = ("file", "matrices", "builder", "modal")
 
@@ -45,6 +49,18 @@ class ModalSection(ConfigSection):
     joint: ModalJointSection
 
 
+class TrustSection(ConfigSection):
+    """The ``trust:`` of a model: relative standard deviations, for all modes or one by one."""
+
+    frequencies: Shares | None = None
+    damping: Shares | None = None
+    shapes: Annotated[float, Field(ge=0, lt=1)] | None = None
+
+    def checked(self) -> LinearTrust:
+        """The same as the library takes it."""
+        return LinearTrust(**self.model_dump(exclude_none=True))
+
+
 class ModelSection(ConfigSection):
     """The ``model:`` section: a structure from files or a builder, and joints; or single modes."""
 
@@ -54,6 +70,7 @@ class ModelSection(ConfigSection):
     modal: Annotated[tuple[ModalSection, ...], Field(min_length=1)] | None = None
     options: dict[str, Any] | None = None
     joints: tuple[JointSection, ...] = ()
+    trust: TrustSection | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -65,6 +82,8 @@ class ModelSection(ConfigSection):
             raise fault(f"got options for a {given[0]}; only a builder takes options", "options")
         if self.modal is not None and self.joints:
             raise fault("got joints beside modal; expected joint: in each entry of modal", "joints")
+        if self.modal is not None and self.trust is not None:
+            raise fault("got trust beside modal; only a structure has a linear model", "trust")
         return self
 
 

@@ -15,12 +15,12 @@ from iwanjax.config.names import Names, known, once
 from iwanjax.config.parameters import ParameterChange, modal_changes, structural_changes
 from iwanjax.config.qsma import QsmaSettings
 from iwanjax.config.recordings import Data, Measurement, RecordingEntry
-from iwanjax.config.schema import Sections, StudySection
+from iwanjax.config.schema import Sections, StudySection, TrustSection
 from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
 from iwanjax.config.source import Place, Source
 from iwanjax.config.structure import model_of
 from iwanjax.errors import InputError
-from iwanjax.structures import JointedStructure
+from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.model_file import Model
 from iwanjax.types import ArrayLike
@@ -74,6 +74,8 @@ class StudySetup:
         How the posterior is sampled.
     noise : dict of str to float
         Standard deviation of a sensor's noise, in its unit.
+    trust : LinearTrust or None
+        How exact the linear model is; None leaves it to the diagnosis.
     hypotheses : tuple of str
         What may be missing; empty for all that is known.
     budget : float or None
@@ -98,6 +100,7 @@ class StudySetup:
     fit: FitSettings
     posterior: PosteriorSettings
     noise: dict[str, float]
+    trust: LinearTrust | None
     hypotheses: tuple[str, ...]
     budget: float | None
     seed: int
@@ -166,7 +169,8 @@ def read_study(path: str | Path) -> StudySetup:
     ----------
     path : str or Path
         A YAML file with ``name`` and ``model``: a ``file`` of ours, ``matrices`` of another
-        program or a ``builder``, with ``joints``; or ``modal``, single modes.
+        program or a ``builder``, with ``joints`` and ``trust``, how exact it is
+        (``{frequencies: 0.005, damping: 0.3}``); or ``modal``, single modes.
         Optional are ``recordings``, what is analysed (``modes``, ``bands``), what is known
         of parameters (``bounds``, ``priors``, ``values``, ``fixed``; those of a structure are
         called ``J1.chi`` or, of elastic mode 1, ``mode1.zeta_0``, and ``fixed: {J1.chi: -0.5}``
@@ -190,7 +194,12 @@ def read_study(path: str | Path) -> StudySetup:
     # Builders of a few masses name no sensors: theirs are called as recordings please.
     named = section.model.builder is None or (model is not None and bool(model.sensors))
     setup, names = _setup(source, section, modal, model, structure, named)
-    return replace(setup, recordings=recording_entries(source, section.recordings, names))
+    trust = section.model.trust
+    return replace(
+        setup,
+        recordings=recording_entries(source, section.recordings, names),
+        trust=None if trust is None else trust.checked(),
+    )
 
 
 def given_study(
@@ -200,6 +209,7 @@ def given_study(
     rows: Mapping[str, ArrayLike],
     sensors: Mapping[str, ArrayLike],
     inputs: Mapping[str, ArrayLike],
+    trust: LinearTrust | Mapping[str, Any] | None,
     content: Mapping[str, Any],
 ) -> StudySetup:
     """The same of what a program has in memory.
@@ -212,6 +222,8 @@ def given_study(
         What has been measured.
     rows, sensors, inputs : mapping of str to (n,) array
         As those of a model file; the joints' own rows need not be given.
+    trust : LinearTrust or mapping, optional
+        How exact the linear model is.
     content : mapping
         The other sections of a study file, and ``model: {modal: ...}`` for single modes.
 
@@ -237,7 +249,11 @@ def given_study(
             _rows(source, "inputs", inputs, structure),
         )
         setup, names = _setup(source, section, (), model, structure, named=True)
-    return replace(setup, recordings=measured_entries(source, recordings, names))
+    if trust is not None and structure is None:
+        raise source.error(("trust",), "only a structure has a linear model; this study has modal")
+    if isinstance(trust, Mapping):
+        trust = source.validated(TrustSection, dict(trust), ("trust",)).checked()
+    return replace(setup, recordings=measured_entries(source, recordings, names), trust=trust)
 
 
 def _rows(
@@ -304,6 +320,7 @@ def _setup(
         fit=_seeded(section.fit, section.seed),
         posterior=_seeded(section.posterior, section.seed),
         noise=dict(section.noise),
+        trust=None,
         hypotheses=section.hypotheses,
         budget=section.budget,
         seed=section.seed,

@@ -3,7 +3,7 @@
 from iwanjax.structures.affine import AffineStructure, Term, spring
 from iwanjax.structures.assurance import modal_assurance
 from iwanjax.structures.jointed import JointedStructure, ModalBasis
-from iwanjax.structures.linear import LinearStructure, Modes, null_space_transform
+from iwanjax.structures.linear import LinearStructure, LinearTrust, Modes, null_space_transform
 from iwanjax.structures.systems import SYSTEMS, oscillator, three_mass
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "AffineStructure",
     "JointedStructure",
     "LinearStructure",
+    "LinearTrust",
     "ModalBasis",
     "Modes",
     "Term",

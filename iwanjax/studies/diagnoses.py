@@ -211,6 +211,7 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
         quantity=quantity,
         hypotheses=study.hypotheses,
         noise=study.noise,
+        trust=study.trust,
         budget=budget,
         seed=study.seed,
         progress=progress,

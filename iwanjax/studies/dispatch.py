@@ -12,7 +12,7 @@ from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.signals import ForceLoop, Recording
-from iwanjax.structures import JointedStructure
+from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.studies.results import StudyResults
 from iwanjax.studies.study import Study, silent
 from iwanjax.types import ArrayLike
@@ -43,6 +43,7 @@ def diagnose(
     inputs: Mapping[str, ArrayLike] | None = None,
     hypotheses: Sequence[str] = (),
     noise: Mapping[str, float] | float | None = None,
+    trust: LinearTrust | Mapping[str, Any] | None = None,
     budget: float | None = None,
     seed: int = 0,
     progress: Callable[[str], None] = silent,
@@ -59,6 +60,7 @@ def diagnose(
     inputs: Mapping[str, ArrayLike] | None = None,
     hypotheses: Sequence[str] = (),
     noise: Mapping[str, float] | float | None = None,
+    trust: LinearTrust | Mapping[str, Any] | None = None,
     budget: float | None = None,
     seed: int = 0,
     progress: Callable[[str], None] = silent,
@@ -94,6 +96,9 @@ def diagnose(
     noise : mapping of str to float, or float, optional
         Standard deviation of each sensor's noise, in its unit, or of the loops' force; estimated
         from the recordings where it is not given. Curves carry their deviations.
+    trust : LinearTrust or mapping, optional
+        How exact the linear model of a structure is, as for :class:`iwanjax.Study`: its
+        frequencies and damping are fitted within that.
     budget : float, optional
         Time to spend, s.
     seed : int
@@ -137,6 +142,7 @@ def diagnose(
         "inputs": inputs,
         "hypotheses": hypotheses,
         "noise": noise,
+        "trust": trust,
         "seed": seed,
     }
     if isinstance(what, Study):
@@ -150,7 +156,7 @@ def diagnose(
         "seed": seed,
         "progress": progress,
     }
-    of_structures = ("rows", "sensors", "inputs")
+    of_structures = ("rows", "sensors", "inputs", "trust")
     if isinstance(what, AbstractJoint):
         _refuse("a joint", asked, of_structures)
         if isinstance(noise, Mapping):
@@ -214,7 +220,7 @@ def _of_structure(
         structure,
         measurements,
         name="structure",
-        **{name: asked[name] for name in ("rows", "sensors", "inputs", "seed")},
+        **{name: asked[name] for name in ("rows", "sensors", "inputs", "trust", "seed")},
         hypotheses=list(asked["hypotheses"]),
         noise=dict(asked["noise"] or {}),
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from iwanjax.config import Data, Measurement, StudySetup, given_study, read_study
 from iwanjax.errors import InputError
-from iwanjax.structures import JointedStructure
+from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.studies.measured import MeasuredMode, measured_modes
 from iwanjax.studies.results import StudyResults
 from iwanjax.types import ArrayLike
@@ -56,6 +56,9 @@ class Study:
     rows, sensors, inputs : mapping of str to (n,) array_like
         For each name the row ``row @ u``: where a force may be missing (joints are known), what
         a sensor sees, where a measured force acts. Channels of recordings bear these names.
+    trust : LinearTrust or mapping, optional
+        How exact the structure's linear model is, relative standard deviations:
+        ``{"frequencies": 0.005, "damping": 0.3}``, or for each mode ``[0.002, 0.01]``.
     modal : sequence of mapping, or a single one
         Modes where no structure is known, as in a study file:
         ``{"name": "mode1", "band": (90, 150), "joint": {"type": "iwan4"}}``.
@@ -100,6 +103,7 @@ class Study:
         rows: Mapping[str, ArrayLike] | None = None,
         sensors: Mapping[str, ArrayLike] | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
+        trust: LinearTrust | Mapping[str, Any] | None = None,
         modal: Sequence[Mapping[str, Any]] | Mapping[str, Any] = (),
         name: str = "study",
         **sections: Any,
@@ -121,6 +125,7 @@ class Study:
             rows={} if rows is None else rows,
             sensors={} if sensors is None else sensors,
             inputs={} if inputs is None else inputs,
+            trust=trust,
             content=content,
         )
         self._set(setup)

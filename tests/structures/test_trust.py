@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from iwanjax.structures.trust import LinearTrust
+from iwanjax.structures import LinearTrust
 
 OMEGA2 = np.array([0.0, 1.0, 4.0, 9.0])
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from iwanjax.discrepancy.histories.noise import noise_of, quietest
 from iwanjax.discrepancy.histories.observer import released
-from iwanjax.discrepancy.histories.predictor import Data, Predictor, hold
+from iwanjax.discrepancy.histories.predictor import Data, Predictor
 from iwanjax.discrepancy.histories.recordings import (
     CleanForce,
     StudyRecording,
@@ -18,6 +18,7 @@ from iwanjax.discrepancy.histories.recordings import (
 )
 from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
 from iwanjax.dynamics.coordinates import ModalCoordinates
+from iwanjax.dynamics.parabolic_hold import hold
 from iwanjax.errors import InputError
 from iwanjax.signals.comparison_band import HALF, OF_NOISE
 
@@ -111,7 +112,8 @@ def conditioned(
             push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))), settings)
             warnings += _odd(each, force)
         rms = np.sqrt(np.mean(response**2, axis=0))
-        deviation = np.sqrt(noise**2 + (settings.model_error * rms) ** 2)
+        allowed = np.hypot(settings.model_error, np.asarray(made.shape_error))
+        deviation = np.sqrt(noise**2 + (allowed * rms) ** 2)
         weight = 1.0 / (OF_NOISE * np.sqrt(deviation**2 + felt**2))
         weight[:HALF] = weight[-HALF:] = 0.0
         rows.append(

@@ -13,7 +13,6 @@ from iwanjax.discrepancy.effects import ForceKind, kinds_of
 from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.findings import Errors, Observable, Suspect, alike
 from iwanjax.discrepancy.histories import selection
-from iwanjax.discrepancy.histories.corrected_model import corrected_model
 from iwanjax.discrepancy.histories.estimates import estimates
 from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.noise import common_noise
@@ -22,7 +21,12 @@ from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import Quantity, predictor
 from iwanjax.discrepancy.histories.ranking import Scope, containing
 from iwanjax.discrepancy.histories.recordings import StudyRecording
-from iwanjax.discrepancy.histories.refitted import beyond_trust, joints_refitted, modes_refitted
+from iwanjax.discrepancy.histories.refitted import (
+    beyond_trust,
+    corrected_model,
+    joints_refitted,
+    modes_refitted,
+)
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
@@ -30,9 +34,8 @@ from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.discrepancy.settings import settings
 from iwanjax.errors import InputError
 from iwanjax.estimation.evidence import LEAST_GAIN
-from iwanjax.structures import JointedStructure
+from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
-from iwanjax.structures.trust import LinearTrust
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
@@ -159,7 +162,7 @@ def diagnose_histories(
             entry, failures, replaced=replaced or not scope.in_time()
         ),
     )
-    allowed = numbers.conditioning.model_error
+    allowed = math.hypot(numbers.conditioning.model_error, 0.0 if trust is None else trust.shapes)
     verdict = judged(
         table.nominal.behind + LEAST_GAIN,
         [entry.behind for entry in table.entries],

@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values, on, sizes_of
+from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values, sizes_of
 from iwanjax.dynamics.balance import Joints
+from iwanjax.dynamics.parabolic_hold import on
 from iwanjax.joints import AbstractJoint, PlaceMotion, Reaction
 from iwanjax.structures.small import solve_general
 

@@ -12,15 +12,15 @@ from linear_pair import RATE, C, M, measured_force, model, problem, simulated, s
 
 import iwanjax as ij
 from iwanjax.discrepancy import StudyRecording
-from iwanjax.discrepancy.histories.corrected_model import corrected_model
 from iwanjax.discrepancy.histories.diagnose import diagnose_histories
 from iwanjax.discrepancy.histories.linearise import innovations, linearise
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
-from iwanjax.discrepancy.histories.predictor import hold, predictor
+from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.ranking import RankedFit
-from iwanjax.discrepancy.histories.refitted import beyond_trust, modes_refitted
-from iwanjax.structures.trust import LinearTrust
+from iwanjax.discrepancy.histories.refitted import beyond_trust, corrected_model, modes_refitted
+from iwanjax.dynamics.parabolic_hold import hold
+from iwanjax.structures import LinearTrust
 
 PEAK, NOISE = 60.0, 1e-3
 TRUST = LinearTrust(frequencies=0.005, damping=0.2)

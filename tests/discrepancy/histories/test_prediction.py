@@ -22,9 +22,10 @@ from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multis
 from iwanjax.discrepancy.histories.noise import common_noise
 from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, released, stepped
 from iwanjax.discrepancy.histories.places import followed, places_of
-from iwanjax.discrepancy.histories.predictor import hold, predictor
+from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned
+from iwanjax.dynamics.parabolic_hold import hold
 from iwanjax.signals.comparison_band import in_band
 
 RATE, N = 1024.0, 600
