@@ -1,5 +1,6 @@
 """The ``recordings:`` section, or recordings in memory: what they hold, what they are used for."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -79,8 +80,8 @@ class RecordingSection(ConfigSection):
     modes: Annotated[_Names, Field(min_length=1)] | None = None
     levels: Annotated[tuple[Positive, ...], Field(min_length=1), OneOrMore] | None = None
     joint: str | None = None
-    start: Annotated[float, Field(ge=0)] | None = None
-    end: Positive | None = None
+    start: Annotated[float | None, Field(alias="from")] = None
+    end: Annotated[float | None, Field(alias="to")] = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,8 @@ class Measurement:
     name : str
         Label; the data's own unless given.
     start, end : float, optional
-        Part of a time history that is analysed as a free decay, s from its first sample.
+        Part of a time history that is used, s on its own time axis: ``from`` and ``to`` of a
+        study file. A free decay is taken to begin at ``start``.
 
     Examples
     --------
@@ -158,7 +160,9 @@ class RecordingEntry:
     joint : str or None
         Whose loop it is.
     start, end : float or None
-        Part of the record that is analysed as a free decay, s from its first sample.
+        Part of the record that is used, s on its own time axis.
+    places : mapping of str to str
+        The same as ``place`` for keys that only reading the file can refuse.
     data : Recording, ModalCurves, ForceLoop or None
         A recording in memory; None for that of a file.
     """
@@ -178,4 +182,5 @@ class RecordingEntry:
     joint: str | None = None
     start: float | None = None
     end: float | None = None
+    places: Mapping[str, str] = field(default_factory=dict)
     data: Data | None = None

@@ -13,8 +13,7 @@ from iwanjax.discrepancy.histories.observer import released
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, hold
 from iwanjax.discrepancy.histories.recordings import (
     BESIDE,
-    ENOUGH,
-    SPOILT,
+    FEWEST,
     CleanForce,
     StudyRecording,
     cleaned,
@@ -156,7 +155,7 @@ def _check(each: StudyRecording) -> None:
     silent = np.flatnonzero(~np.any(each.response, axis=0))
     if silent.size:
         raise InputError(f"{each.name}: sensor {silent[0]} shows nothing at all; leave it out")
-    if len(each.response) < ENOUGH + 2 * SPOILT:
+    if len(each.response) < FEWEST:
         raise InputError(f"{each.name}: {len(each.response)} samples are too few to diagnose")
 
 

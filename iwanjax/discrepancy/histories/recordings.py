@@ -16,6 +16,8 @@ _ALWAYS = 0.05
 # Samples before the first force that a sensor's noise is measured on, and those beside it that
 # a sensor's own filter may spoil.
 ENOUGH, SPOILT = 20, 8
+FEWEST = ENOUGH + 2 * SPOILT
+"""Samples that a recording needs."""
 
 
 @dataclass(frozen=True, eq=False)
