@@ -25,7 +25,7 @@ _HISTORIES = ("transient", "free_decay")
 _EVERY = ("file", "kind", "use", "name")
 _HISTORY = (
     *_EVERY,
-    *("variable", "sampling_rate", "index", "response", "mode", "modes", "from", "to"),
+    *("variable", "sampling_rate", "index", "response", "mode", "modes", "from", "to", "initial"),
 )
 _KEYS: dict[Kind, tuple[str, ...]] = {
     "transient": (*_HISTORY, "force"),
@@ -70,7 +70,7 @@ def _as_section(
     """What a file would say of a recording in memory."""
     data = given.data
     said: dict[str, Any] = {"file": name, "name": name, "use": given.use}
-    for key in ("mode", "joint", "start", "end"):
+    for key in ("mode", "joint", "start", "end", "initial"):
         if getattr(given, key) is not None:
             said[_IN_FILES.get(key, key)] = getattr(given, key)
     if "mode" in said:
@@ -121,6 +121,7 @@ def _entry(
         joint=_joint(source, place, section, names),
         start=section.start,
         end=section.end,
+        initial=section.initial,
         places={
             file_key: source.told((*place, _key(source, key)))
             for key, file_key in _IN_FILES.items()
@@ -191,6 +192,10 @@ def _check_history(
         start, end = (_key(source, each) for each in ("start", "end"))
         raise source.error(
             (*place, end), f"got {section.end:g}; expected more than {start} = {section.start:g}"
+        )
+    if section.kind == "free_decay" and section.initial not in (None, "unknown"):
+        raise source.error(
+            (*place, "initial"), f"got {section.initial}; a free decay begins in an unknown state"
         )
     if data is not None:  # which says what its channels measure
         return

@@ -10,6 +10,7 @@ from pydantic import Field
 from iwanjax.config.section import ConfigSection, Index, OneOrMore, Positive
 from iwanjax.curves import ModalCurves
 from iwanjax.signals import ForceLoop, Recording
+from iwanjax.types import Initial
 
 Kind: TypeAlias = Literal[
     "transient", "free_decay", "curves", "response_control", "force_control", "loop"
@@ -82,6 +83,7 @@ class RecordingSection(ConfigSection):
     joint: str | None = None
     start: Annotated[float | None, Field(alias="from")] = None
     end: Annotated[float | None, Field(alias="to")] = None
+    initial: Initial | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +107,9 @@ class Measurement:
     start, end : float, optional
         Part of a time history that is used, s on its own time axis: ``from`` and ``to`` of a
         study file. A free decay is taken to begin at ``start``.
+    initial : {"rest", "unknown", "periodic"}, optional
+        The state in which what is used begins; by default at rest where the data show it, else
+        unknown. ``periodic`` is whole periods of a steady state.
 
     Examples
     --------
@@ -123,6 +128,7 @@ class Measurement:
     name: str = ""
     start: float | None = None
     end: float | None = None
+    initial: Initial | None = None
 
 
 @dataclass(frozen=True)
@@ -161,6 +167,8 @@ class RecordingEntry:
         Whose loop it is.
     start, end : float or None
         Part of the record that is used, s on its own time axis.
+    initial : {"rest", "unknown", "periodic"} or None
+        The state in which that part begins; None leaves it to the data.
     places : mapping of str to str
         The same as ``place`` for keys that only reading the file can refuse.
     data : Recording, ModalCurves, ForceLoop or None
@@ -182,5 +190,6 @@ class RecordingEntry:
     joint: str | None = None
     start: float | None = None
     end: float | None = None
+    initial: Initial | None = None
     places: Mapping[str, str] = field(default_factory=dict)
     data: Data | None = None

@@ -199,6 +199,7 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
             np.asarray(recording.response),
             None if entry.kind == "free_decay" else _forces(study, recording, entry.place),
             entry.use,
+            entry.initial,
         )
         for entry, name, recording in measured
     ]

@@ -80,3 +80,10 @@ def test_a_part_that_is_not_there_is_refused(span, words):
         study(ij.Measurement(whole, **span)).diagnose()
     for word in words:
         assert word in str(refused.value)
+
+
+def test_the_state_in_which_it_begins_is_passed_on(monkeypatch):
+    whole = recorded(np.arange(400) / RATE)
+    given = [ij.Measurement(whole, initial=said) for said in ("rest", "unknown", "periodic")]
+    found = handed_over(monkeypatch, *given, whole)
+    assert [each.initial for each in found] == ["rest", "unknown", "periodic", None]

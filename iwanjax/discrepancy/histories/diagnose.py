@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -16,6 +17,7 @@ from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.conditioning import MODEL_ERROR
 from iwanjax.discrepancy.histories.corrected_model import corrected_model
 from iwanjax.discrepancy.histories.estimates import estimates
+from iwanjax.discrepancy.histories.initial_state import initial_state, unsteady
 from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.noise import common_noise
 from iwanjax.discrepancy.histories.observables import observables
@@ -120,6 +122,7 @@ def diagnose_histories(
         for named in (inputs, sensors)
     )
     _check(recordings, len(rows_in), len(rows_out))
+    recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
     deviations = np.where(np.isnan(given), common_noise(recordings), given)
     joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
@@ -205,6 +208,7 @@ def diagnose_histories(
         failures,
     )
     warnings = [*sides.fitted.warnings, *sides.warnings()]
+    warnings += filter(None, map(unsteady, recordings))
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
         for name in places

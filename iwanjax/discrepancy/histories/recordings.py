@@ -6,6 +6,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from iwanjax.types import Initial
+
 # A pulse reaches as far as a force exceeds so many deviations of its noise, or this share of
 # its peak, and some samples beyond; a burst of fewer samples is noise.
 _ABOVE_NOISE, _ABOVE_PEAK, BESIDE, _FEWEST = 6.0, 1e-3, 3, 2
@@ -35,12 +37,15 @@ class StudyRecording:
         when nothing touches the structure any more.
     use : {"fit", "hold_out"}
         Whether a fit may see it.
+    initial : {"rest", "unknown", "periodic"} or None
+        The state in which it begins; None leaves that to its data.
     """
 
     name: str
     response: Float[np.ndarray, "N sensors"]
     force: Float[np.ndarray, "N inputs"] | None
     use: Literal["fit", "hold_out"] = "fit"
+    initial: Initial | None = None
 
     @property
     def quiet(self) -> np.ndarray:
