@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -19,6 +19,9 @@ ArrayLike: TypeAlias = npt.ArrayLike | Array
 """What becomes an array: a number, nested sequences, a NumPy or a JAX array."""
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+
+Initial: TypeAlias = Literal["rest", "unknown", "periodic"]
+"""The state in which a recording begins; periodic is that of a steady cycle."""
 
 Scalar: TypeAlias = float | Array
 """A number, or an array of numbers when a batch of parameter sets is carried."""

@@ -33,7 +33,7 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 10,
     "config": 19,
-    "discrepancy": 53,
+    "discrepancy": 54,
     "dynamics": 16,
     "estimation": 13,
     "files": 6,

@@ -252,7 +252,21 @@ BAD = {
     "very short": (lambda f: write(f, DECAY[:5], T[:5]), BASE, ["hit.npz", "5"]),
     "beyond Nyquist": (write, BASE.replace("[70, 140]", "[70, 1400]"), ["Nyquist", "1000 Hz"]),
     "band upside down": (write, BASE.replace("[70, 140]", "[140, 70]"), ["study.yaml:2: ", "band"]),
-    "start outside": (write, BASE.replace("kind: f", "start: 99, kind: f"), ["start = 99"]),
+    "from outside": (
+        write,
+        BASE.replace("kind: f", "from: 99, kind: f"),
+        ["study.yaml:4: recordings[0].from: got 99 s", "lasts from 0 to"],
+    ),
+    "to outside": (
+        write,
+        BASE.replace("kind: f", "to: 99, kind: f"),
+        ["study.yaml:4: recordings[0].to: got 99 s"],
+    ),
+    "from the end": (
+        write,
+        BASE.replace("kind: f", "from: 1.998, kind: f"),
+        ["study.yaml:4: recordings[0].from: leaves", "at least 16"],
+    ),
     "no such index": (write, BASE.replace("kind: f", "index: 3, kind: f"), ["index 3"]),
     "unknown joint": (write, BASE.replace("iwan4", "iwan44"), ["study.yaml:2: ", "'iwan4'"]),
     "chi outside its range": (write, BASE + "values: {m.chi: -1.5}\n", ["study.yaml:5: ", "chi"]),

@@ -26,7 +26,7 @@ model:
     - {name: mode2, band: [3e2, 4e2], joint: {type: iwan5}}
 recordings:
   - {file: hits.mat, variable: xData, kind: free_decay, index: [0, 2], mode: mode1,
-     response: {channel: tip, quantity: velocity, unit: m/s}, start: 0.1, end: 2}
+     response: {channel: tip, quantity: velocity, unit: m/s}, from: 0.1, to: 2}
   - file: control.csv
     kind: response_control
     levels: [1, 2, 3.5]
@@ -466,8 +466,14 @@ BAD_RECORDINGS = {
         8,
         ["sensors", "got 2 for 1"],
     ),
-    "end first": ("start: 0.1, end: 2", "start: 2, end: 1", 8, ["[0].end", "more than start = 2"]),
-    "start negative": ("start: 0.1", "start: -1", 8, ["[0].start", "'-1'"]),
+    "to first": ("from: 0.1, to: 2", "from: 2, to: 1", 8, ["[0].to", "more than from = 2"]),
+    "to at from": ("from: 0.1, to: 2", "from: 2, to: 2", 8, ["[0].to", "more than from = 2"]),
+    "initial misspelt": ("from: 0.1", "initial: ret", 8, ["[0].initial", "'ret'", "'rest'"]),
+    "initial of a decay": ("from: 0.1", "initial: rest", 8, ["[0].initial", "free decay"]),
+    "initial of curves": ("mode: mode2", "initial: rest", 14, ["[2].initial", "kind curves"]),
+    "from with unit": ("from: 0.1", "from: 0.1 s", 8, ["[0].from", "'0.1 s'"]),
+    "from of curves": ("mode: mode2", "from: 1", 14, ["[2].from", "kind curves"]),
+    "start": ("from: 0.1", "start: 0.1", 8, ["[0].start: unknown key"]),
     "force of a decay": (
         "variable: xData",
         "force: {array: f}",

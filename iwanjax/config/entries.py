@@ -25,7 +25,7 @@ _HISTORIES = ("transient", "free_decay")
 _EVERY = ("file", "kind", "use", "name")
 _HISTORY = (
     *_EVERY,
-    *("variable", "sampling_rate", "index", "response", "mode", "modes", "start", "end"),
+    *("variable", "sampling_rate", "index", "response", "mode", "modes", "from", "to", "initial"),
 )
 _KEYS: dict[Kind, tuple[str, ...]] = {
     "transient": (*_HISTORY, "force"),
@@ -35,6 +35,8 @@ _KEYS: dict[Kind, tuple[str, ...]] = {
     "force_control": (*_EVERY, "response", "mode", "levels"),
     "loop": (*_EVERY, "joint"),
 }
+# What files call the attributes of a Measurement that are named otherwise.
+_IN_FILES = {"start": "from", "end": "to"}
 # Of a response that is an amplitude of one mode, not a time history.
 _AMPLITUDE = ("sensors", "quantity", "unit")
 
@@ -68,9 +70,9 @@ def _as_section(
     """What a file would say of a recording in memory."""
     data = given.data
     said: dict[str, Any] = {"file": name, "name": name, "use": given.use}
-    for key in ("mode", "joint", "start", "end"):
+    for key in ("mode", "joint", "start", "end", "initial"):
         if getattr(given, key) is not None:
-            said[key] = getattr(given, key)
+            said[_IN_FILES.get(key, key)] = getattr(given, key)
     if "mode" in said:
         said["mode"] = str(said["mode"])
     if isinstance(data, Recording):
@@ -119,6 +121,11 @@ def _entry(
         joint=_joint(source, place, section, names),
         start=section.start,
         end=section.end,
+        initial=section.initial,
+        places={
+            file_key: source.told((*place, _key(source, key)))
+            for key, file_key in _IN_FILES.items()
+        },
         data=data,
     )
 
@@ -150,7 +157,13 @@ def _refuse_foreign(source: Source, place: Place, section: RecordingSection) -> 
 
 def _given(section: ConfigSection) -> list[str]:
     """Keys of a section that the file has."""
-    return [key for key in type(section).model_fields if key in section.model_fields_set]
+    fields = type(section).model_fields.items()
+    return [field.alias or name for name, field in fields if name in section.model_fields_set]
+
+
+def _key(source: Source, attribute: str) -> str:
+    """What messages call an attribute: as the file does, or as Python does."""
+    return attribute if source.path is None else _IN_FILES.get(attribute, attribute)
 
 
 def existing(source: Source, place: Place, file: str) -> Path:
@@ -176,8 +189,13 @@ def _check_history(
     if section.index is not None:
         once(source, (*place, "index"), section.index)
     if section.start is not None and section.end is not None and section.end <= section.start:
+        start, end = (_key(source, each) for each in ("start", "end"))
         raise source.error(
-            (*place, "end"), f"got {section.end:g}; expected more than start = {section.start:g}"
+            (*place, end), f"got {section.end:g}; expected more than {start} = {section.start:g}"
+        )
+    if section.kind == "free_decay" and section.initial not in (None, "unknown"):
+        raise source.error(
+            (*place, "initial"), f"got {section.initial}; a free decay begins in an unknown state"
         )
     if data is not None:  # which says what its channels measure
         return

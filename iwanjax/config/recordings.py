@@ -1,5 +1,6 @@
 """The ``recordings:`` section, or recordings in memory: what they hold, what they are used for."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -9,6 +10,7 @@ from pydantic import Field
 from iwanjax.config.section import ConfigSection, Index, OneOrMore, Positive
 from iwanjax.curves import ModalCurves
 from iwanjax.signals import ForceLoop, Recording
+from iwanjax.types import Initial
 
 Kind: TypeAlias = Literal[
     "transient", "free_decay", "curves", "response_control", "force_control", "loop"
@@ -79,8 +81,9 @@ class RecordingSection(ConfigSection):
     modes: Annotated[_Names, Field(min_length=1)] | None = None
     levels: Annotated[tuple[Positive, ...], Field(min_length=1), OneOrMore] | None = None
     joint: str | None = None
-    start: Annotated[float, Field(ge=0)] | None = None
-    end: Positive | None = None
+    start: Annotated[float | None, Field(alias="from")] = None
+    end: Annotated[float | None, Field(alias="to")] = None
+    initial: Initial | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +105,11 @@ class Measurement:
     name : str
         Label; the data's own unless given.
     start, end : float, optional
-        Part of a time history that is analysed as a free decay, s from its first sample.
+        Part of a time history that is used, s on its own time axis: ``from`` and ``to`` of a
+        study file. A free decay is taken to begin at ``start``.
+    initial : {"rest", "unknown", "periodic"}, optional
+        The state in which what is used begins; by default at rest where the data show it, else
+        unknown. ``periodic`` is whole periods of a steady state.
 
     Examples
     --------
@@ -121,6 +128,7 @@ class Measurement:
     name: str = ""
     start: float | None = None
     end: float | None = None
+    initial: Initial | None = None
 
 
 @dataclass(frozen=True)
@@ -158,7 +166,11 @@ class RecordingEntry:
     joint : str or None
         Whose loop it is.
     start, end : float or None
-        Part of the record that is analysed as a free decay, s from its first sample.
+        Part of the record that is used, s on its own time axis.
+    initial : {"rest", "unknown", "periodic"} or None
+        The state in which that part begins; None leaves it to the data.
+    places : mapping of str to str
+        The same as ``place`` for keys that only reading the file can refuse.
     data : Recording, ModalCurves, ForceLoop or None
         A recording in memory; None for that of a file.
     """
@@ -178,4 +190,6 @@ class RecordingEntry:
     joint: str | None = None
     start: float | None = None
     end: float | None = None
+    initial: Initial | None = None
+    places: Mapping[str, str] = field(default_factory=dict)
     data: Data | None = None

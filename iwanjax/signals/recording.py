@@ -15,11 +15,11 @@ from iwanjax.types import ArrayLike
 QUANTITIES = ("acceleration", "velocity", "displacement", "force", "")
 """What a channel may measure; empty when it is not known."""
 
-# Fewer samples than this hold no vibration.
-_FEWEST_SAMPLES = 16
-# How far a sample may be from a uniform grid, in steps: rounded times reach some 1e-3, and
-# 1e-2 turns the phase by 0.03 rad at most, at half the sampling rate.
-_JITTER = 1e-2
+FEWEST_SAMPLES = 16
+"""Fewer samples than this hold no vibration."""
+JITTER = 1e-2
+"""How far a sample may be from a uniform grid, in steps: rounded times reach some 1e-3, and
+1e-2 turns the phase by 0.03 rad at most, at half the sampling rate."""
 
 
 @dataclass(frozen=True)
@@ -270,8 +270,8 @@ def check_time(time: np.ndarray) -> None:
     """
     if time.ndim != 1:
         raise InputError(f"time has shape {time.shape}; expected (N,)")
-    if len(time) < _FEWEST_SAMPLES:
-        raise InputError(f"time has {len(time)} samples; expected at least {_FEWEST_SAMPLES}")
+    if len(time) < FEWEST_SAMPLES:
+        raise InputError(f"time has {len(time)} samples; expected at least {FEWEST_SAMPLES}")
     bad = np.flatnonzero(~np.isfinite(time))
     if bad.size:
         raise InputError(
@@ -285,11 +285,11 @@ def check_time(time: np.ndarray) -> None:
             "are two recordings joined, or the digits too few? give sampling_rate instead of time"
         )
     jitter = np.abs(_off_grid(time))
-    if np.max(jitter) > _JITTER:
+    if np.max(jitter) > JITTER:
         i = int(np.argmax(jitter))
         raise InputError(
             f"time is not uniform: sample {i} ({time[i]:.9g} s) is {jitter[i]:.2g} steps off a "
-            f"grid of {sampling_rate(time):.6g} Hz, allowed is {_JITTER:g}; resample it, or give "
+            f"grid of {sampling_rate(time):.6g} Hz, allowed is {JITTER:g}; resample it, or give "
             "sampling_rate if the times were only rounded"
         )
 

@@ -10,6 +10,7 @@ import numpy as np
 from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose_histories
+from iwanjax.discrepancy.history_settings import CONDITIONING
 from iwanjax.discrepancy.steady.cycle import InteractingMode
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
@@ -17,7 +18,7 @@ from iwanjax.errors import InputError
 from iwanjax.signals import ForceLoop, Recording
 from iwanjax.studies.fits import of_one_quantity
 from iwanjax.studies.measured import MeasuredMode, measured_modes
-from iwanjax.studies.reading import read_force_loop, recordings_of
+from iwanjax.studies.reading import part_of, read_force_loop, recordings_of
 from iwanjax.updating import modal_parameters
 from iwanjax.updating.structural import joint_parameters
 
@@ -181,7 +182,7 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
             f"{study.label}: diagnose needs a model with named rows, sensors and inputs"
         )
     measured = [
-        (entry, name, recording)
+        (entry, name, _part(entry, recording))
         for entry in study.recordings
         if entry.kind in _HISTORIES
         for name, recording in recordings_of(entry)
@@ -195,9 +196,10 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
     transients = [
         StudyRecording(
             name,
-            _response(entry, recording),
+            np.asarray(recording.response),
             None if entry.kind == "free_decay" else _forces(study, recording, entry.place),
             entry.use,
+            entry.initial,
         )
         for entry, name, recording in measured
     ]
@@ -249,16 +251,20 @@ def _common(study: StudySetup, recordings: list[Recording]) -> tuple[list[str], 
     return names, quantities.pop(), first.sampling_rate
 
 
-def _response(entry: RecordingEntry, recording: Recording) -> np.ndarray:
-    """As measured; of a free decay what follows its beginning, or its peak where none is given."""
-    response = np.asarray(recording.response)
-    if entry.kind != "free_decay":
-        return response
-    first = _PEAK_ENDS + int(np.argmax(np.max(np.abs(response), axis=1)))
-    if entry.start is not None:
-        first = math.ceil(entry.start * recording.sampling_rate)
-    last = None if entry.end is None else math.floor(entry.end * recording.sampling_rate) + 1
-    return response[first:last]
+def _part(entry: RecordingEntry, recording: Recording) -> Recording:
+    """What an entry leaves of a recording; of a free decay what follows its peak, at least."""
+    part = part_of(entry, recording)
+    if entry.kind == "free_decay" and entry.start is None:
+        peak = int(np.argmax(np.max(np.abs(part.response), axis=1)))
+        begin = part.time[min(peak + _PEAK_ENDS, part.size - 1)]
+        part = part_of(replace(entry, start=begin, places={"from": entry.place}), part)
+    if part.size < CONDITIONING.least and (entry.start is not None or entry.end is not None):
+        key = "from" if entry.start is not None else "to"
+        raise InputError(
+            f"{entry.places[key]}: leaves {part.size} samples; diagnose needs "
+            f"{CONDITIONING.least} at least"
+        )
+    return part
 
 
 def _forces(study: StudySetup, recording: Recording, place: str) -> np.ndarray:

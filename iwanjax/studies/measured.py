@@ -17,7 +17,7 @@ from iwanjax.signals import (
     modal_filter,
     ringdown,
 )
-from iwanjax.studies.reading import STEPPED, blamed, read_modal_curves, recordings_of
+from iwanjax.studies.reading import STEPPED, blamed, part_of, read_modal_curves, recordings_of
 from iwanjax.tables import Block
 
 # Where a mode of a structure is looked for, as share of its frequency, unless neighbours are
@@ -223,7 +223,7 @@ def _hits(
     if entry.kind not in ("free_decay", "transient"):
         return
     for name, recording in recordings_of(entry):
-        start = entry.start if entry.start is not None else _contact_ends(recording)
+        start, end = _span(entry, recording)
         for key in (key for key in bands if key in entry.modes):
             with blamed(f"{entry.place}: {name}"):
                 signal, quantity, unit = _signal(study, entry, recording, key)
@@ -236,7 +236,7 @@ def _hits(
                     unit=unit,
                     name=name,
                     start=start,
-                    end=entry.end,
+                    end=end,
                     precision=study.ringdown.precision,
                     order=study.ringdown.order,
                 )
@@ -246,6 +246,20 @@ def _hits(
                 yield key, f"{name}: {error}"
             else:
                 yield key, Hit(name, found.curves, found)
+
+
+def _span(entry: RecordingEntry, recording: Recording) -> tuple[float | None, float | None]:
+    """Where a decay is looked for, s from the recording's first sample.
+
+    The recording itself stays whole: joints with memory go by the largest amplitude so far.
+    """
+    part = part_of(entry, recording)
+    begin = part.time[0] - recording.time[0]
+    released = _contact_ends(part)
+    start = None if entry.start is None else begin
+    if released is not None:
+        start = begin + released
+    return start, None if entry.end is None else begin + part.duration
 
 
 def _contact_ends(recording: Recording) -> float | None:

@@ -2,7 +2,10 @@
 
 import contextlib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from iwanjax.config import RecordingEntry
 from iwanjax.curves import ModalCurves
@@ -16,6 +19,7 @@ from iwanjax.signals import (
     read_recordings,
     read_response_control,
 )
+from iwanjax.signals.recording import FEWEST_SAMPLES, JITTER
 
 STEPPED: dict[str, Callable[..., ModalCurves]] = {
     "response_control": read_response_control,
@@ -34,7 +38,10 @@ def blamed(place: str) -> Iterator[None]:
 
 
 def recordings_of(entry: RecordingEntry) -> list[tuple[str, Recording]]:
-    """All time histories of an entry by name; faults name its place in the study."""
+    """All time histories of an entry by name, each from its beginning to its end.
+
+    Faults name the entry's place in the study.
+    """
     if isinstance(entry.data, Recording):
         return [(entry.name, entry.data)]
     with blamed(entry.place):
@@ -42,6 +49,43 @@ def recordings_of(entry: RecordingEntry) -> list[tuple[str, Recording]]:
     if len(found) == 1:
         return [(entry.name, found[0][1])]
     return [(f"{entry.name}[{i}]", recording) for i, recording in found]
+
+
+def part_of(entry: RecordingEntry, recording: Recording) -> Recording:
+    """What an entry's ``from`` and ``to`` leave of a recording, responses and forces alike.
+
+    Raises
+    ------
+    InputError
+        For a time that the recording does not reach, and a part that is too short for one.
+    """
+    time, step = recording.time, 1.0 / recording.sampling_rate
+    given = {"from": entry.start, "to": entry.end}
+    for key, value in given.items():
+        # The last sample lasts one step.
+        if value is not None and not time[0] - step <= value <= time[-1] + step:
+            raise InputError(
+                f"{entry.places[key]}: got {value:g} s; the recording lasts from {time[0]:g} to "
+                f"{time[-1]:g} s"
+            )
+    # Rounded times are as good as those on the samples.
+    first = 0 if entry.start is None else np.searchsorted(time, entry.start - JITTER * step)
+    last = None if entry.end is None else np.searchsorted(time, entry.end + JITTER * step)
+    kept = slice(first, last)
+    if (count := len(time[kept])) < FEWEST_SAMPLES:
+        raise InputError(
+            f"{entry.places['from' if entry.start is not None else 'to']}: leaves {count} "
+            f"sample(s); expected at least {FEWEST_SAMPLES}"
+        )
+    if count == len(time):
+        return recording
+    with blamed(entry.place):
+        return replace(
+            recording,
+            time=time[kept],
+            response=recording.response[kept],
+            force=None if recording.force is None else recording.force[kept],
+        )
 
 
 def read_modal_curves(entry: RecordingEntry, name: str = "") -> ModalCurves:

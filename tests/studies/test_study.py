@@ -92,7 +92,7 @@ def test_part_of_a_recording_is_analysed_as_it_is_in_a_file(tmp_path):
     given = ij.Study(recordings=[ij.Measurement(first, start=0.5, end=3.0)], modal=[MODE])
     text = (
         "name: a\nmodel: {modal: [{name: mode1, band: [90, 150], joint: {type: iwan4}}]}\n"
-        f"recordings: [{{file: {HITS / 'hit1.npz'}, kind: free_decay, start: 0.5, end: 3,\n"
+        f"recordings: [{{file: {HITS / 'hit1.npz'}, kind: free_decay, from: 0.5, to: 3,\n"
         "  response: {array: response, channel: tip, quantity: velocity}}]\n"
     )
     (tmp_path / "study.yaml").write_text(text)

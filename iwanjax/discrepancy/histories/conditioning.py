@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.histories.noise import noise_of, quietest
-from iwanjax.discrepancy.histories.observer import released
+from iwanjax.discrepancy.histories.observer import state_at_beginning
 from iwanjax.discrepancy.histories.predictor import Data, Predictor
 from iwanjax.discrepancy.histories.recordings import (
     CleanForce,
@@ -90,27 +90,27 @@ def conditioned(
         response = each.response.astype(float)
         missing = (0, length - len(response))
         kick = np.zeros(length)
+        felt, unsure = np.zeros_like(response), np.zeros((2 * made.kept, 0))
+        push = np.zeros((length, made.substeps, modal.W.shape[0] + 2 * made.kept))
         if each.force is None:
-            noise = np.where(np.isnan(known_noise), noise_of(response, 0, settings), known_noise)
-            state, unsure = released(made, response, noise, settings)
-            felt, kick[0] = np.zeros_like(response), 1.0
-            push = np.zeros((length, made.substeps, modal.W.shape[0] + 2 * made.kept))
-            push[0, -1, : len(state)] = state
+            own = noise_of(response, 0, settings)
         else:
             force = cleaned(each.force.astype(float), beside, settings)
+            busy = force.endless or each.moving
             own = (
-                quietest(response, settings)
-                if force.endless
-                else noise_of(response, force.first, settings)
+                quietest(response, settings) if busy else noise_of(response, force.first, settings)
             )
-            noise = np.where(np.isnan(known_noise), own, known_noise)
-            felt, unsure = (
-                _felt(made, modal, force, settings),
-                _unsure(made, modal, force, settings),
-            )
+            felt = _felt(made, modal, force, settings)
+            unsure = _unsure(made, modal, force, settings)
             kick[min(force.last + 1, len(response) - 1)] = 1.0
             push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))), settings)
             warnings += _odd(each, force)
+        noise = np.where(np.isnan(known_noise), own, known_noise)
+        if each.moving:
+            # From its own beginning, instead of after a pulse.
+            kick[:], kick[0] = 0.0, 1.0
+            state, unsure = state_at_beginning(made, response, noise, push, settings)
+            push[0, -1, : len(state)] = state
         rms = np.sqrt(np.mean(response**2, axis=0))
         allowed = np.hypot(settings.model_error, np.asarray(made.shape_error))
         deviation = np.sqrt(noise**2 + (allowed * rms) ** 2)
@@ -139,9 +139,9 @@ def directions_of(
     made: Predictor,
     settings: ConditioningSettings = CONDITIONING,
 ) -> int:
-    """In how many the states of recordings are uncertain: that of a free decay in all."""
-    decays = any(each.force is None for each in recordings)
-    return max(settings.directions, 2 * made.kept) if decays else settings.directions
+    """In how many the states of recordings are uncertain: one that is moving at first in all."""
+    moving = any(each.moving for each in recordings)
+    return max(settings.directions, 2 * made.kept) if moving else settings.directions
 
 
 def _check(each: StudyRecording, settings: ConditioningSettings) -> None:
@@ -156,7 +156,7 @@ def _check(each: StudyRecording, settings: ConditioningSettings) -> None:
     silent = np.flatnonzero(~np.any(each.response, axis=0))
     if silent.size:
         raise InputError(f"{each.name}: sensor {silent[0]} shows nothing at all; leave it out")
-    if len(each.response) < settings.enough + 2 * settings.spoilt:
+    if len(each.response) < settings.least:
         raise InputError(f"{each.name}: {len(each.response)} samples are too few to diagnose")
 
 

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -14,6 +15,7 @@ from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.findings import Errors, Observable, Suspect, alike
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.estimates import estimates
+from iwanjax.discrepancy.histories.initial_state import initial_state, unsteady
 from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.noise import common_noise
 from iwanjax.discrepancy.histories.observables import observables
@@ -119,6 +121,7 @@ def diagnose_histories(
         for named in (inputs, sensors)
     )
     _check(recordings, len(rows_in), len(rows_out))
+    recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
     deviations = np.where(np.isnan(given), common_noise(recordings, numbers.conditioning), given)
     joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
@@ -208,6 +211,7 @@ def diagnose_histories(
         failures,
     )
     warnings = [*sides.fitted.warnings, *sides.warnings()]
+    warnings += filter(None, map(unsteady, recordings))
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
         for name in places

@@ -1,4 +1,4 @@
-"""The observer: its gain for a time constant, and the state in which a free decay begins."""
+"""The observer: its gain for a time constant, and the state in which a recording begins."""
 
 import math
 
@@ -112,10 +112,11 @@ def process_noise(step: np.ndarray, H: np.ndarray, dt: float, time_constant: flo
     return 10.0 ** (0.5 * (low + high))
 
 
-def released(
+def state_at_beginning(
     made: Predictor,
     response: Float[np.ndarray, "N sensors"],
     noise: Float[np.ndarray, " sensors"],
+    push: Float[np.ndarray, "N substeps states"],
     settings: ConditioningSettings = CONDITIONING,
 ) -> tuple[np.ndarray, np.ndarray]:
     """State at the first sample, and by how much it may be off.
@@ -128,9 +129,11 @@ def released(
     made : Predictor
         Of the structure, its joints at their given stiffness.
     response : (N, sensors) array
-        From when nothing touches the structure any more.
+        As measured.
     noise : (sensors,) array
         Deviations.
+    push : (N, substeps, states) array
+        What forces do meanwhile, as in :class:`~.predictor.Data`; zeros in a free decay.
     settings : ConditioningSettings
         Of the stage.
 
@@ -146,12 +149,27 @@ def released(
     gain = observer_gain(back, H / noise[:, None], dt, size) / noise
     omega = np.sqrt(np.maximum(np.asarray(made.omega2), 1.0))
     count = min(len(response), int(settings.back_cycles * 2.0 * np.pi / (omega.min() * dt)) + 1)
+    forced, seen = np.zeros((count + 1, len(A))), response[:count].astype(float)
+    forced[:count] = _over_a_sample(made, push[:count, :, : len(A)])
+    if made.quantity == "acceleration":
+        modal = push[:count, -1, len(A) : len(A) + made.kept]
+        seen = seen - modal @ np.asarray(made.sensors).T
     z = np.zeros(len(A))
-    for y in response[count - 1 :: -1]:
-        z = back @ z
+    for y, more in zip(seen[::-1], forced[:0:-1], strict=True):
+        z = back @ (z - more)
         z = z + gain @ (y - H @ z)
     q, v = np.split(z, 2)
     amplitude = np.hypot(q, v / omega)
     least = settings.least_state_error * np.max(amplitude * omega) / omega
     off = np.maximum(settings.state_error * amplitude, least)
     return z, np.diag(np.concatenate([off, off * omega]))
+
+
+def _over_a_sample(made: Predictor, push: np.ndarray) -> np.ndarray:
+    """What forces do to the state from one sample to the next, (N, states)."""
+    A, _ = made.linear(np.asarray(made.stiffness), made.blank(), np.zeros(1))
+    short = stepped(A, float(made.dt))
+    total = np.zeros((len(push), len(A)))
+    for k in range(made.substeps):
+        total = total @ short.T + push[:, k]
+    return total

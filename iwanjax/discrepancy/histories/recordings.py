@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
+from iwanjax.types import Initial
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,17 +25,25 @@ class StudyRecording:
         when nothing touches the structure any more.
     use : {"fit", "hold_out"}
         Whether a fit may see it.
+    initial : {"rest", "unknown", "periodic"} or None
+        The state in which it begins; None leaves that to its data.
     """
 
     name: str
     response: Float[np.ndarray, "N sensors"]
     force: Float[np.ndarray, "N inputs"] | None
     use: Literal["fit", "hold_out"] = "fit"
+    initial: Initial | None = None
+
+    @property
+    def moving(self) -> bool:
+        """Whether it begins in a state that has to be estimated."""
+        return self.force is None or self.initial in ("unknown", "periodic")
 
     @property
     def quiet(self) -> np.ndarray:
-        """Samples before any force, (n, sensors)."""
-        if self.force is None:
+        """Samples before any force and any motion, (n, sensors)."""
+        if self.moving or self.force is None:
             return self.response[:0].astype(float)
         return before_force(self.response, cleaned(self.force.astype(float)).first)
 

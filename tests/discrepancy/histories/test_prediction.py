@@ -20,7 +20,12 @@ from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.linearise import innovations, linearise, residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.discrepancy.histories.noise import common_noise
-from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, released, stepped
+from iwanjax.discrepancy.histories.observer import (
+    observer_gain,
+    process_noise,
+    state_at_beginning,
+    stepped,
+)
 from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
@@ -77,7 +82,8 @@ def test_the_state_of_a_free_decay_is_estimated_from_what_follows():
             seen.append(H @ state)
             state = step @ state
         response = np.array(seen) + 1e-3 * RNG.standard_normal((N, 2))
-        z, off = released(made, response, np.full(2, 1e-3))
+        still = np.zeros((len(response), made.substeps, 3 * made.kept))
+        z, off = state_at_beginning(made, response, np.full(2, 1e-3), still)
         shapes = np.asarray(right.sensors), np.asarray(made.sensors)
         size = np.sqrt(np.asarray(right.omega2))
         wanted = shapes[0] @ np.array([2e-3, -4e-4]), shapes[0] @ np.array([0.05, 0.2])
