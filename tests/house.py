@@ -19,8 +19,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
     "class names used twice": 0,
-    "tuned numbers": 795,
-    "tuned numbers without a comment": 154,
+    "tuned numbers": 774,
+    "tuned numbers without a comment": 147,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
     "modules that index a parameter map": 0,
@@ -33,7 +33,7 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 10,
     "config": 19,
-    "discrepancy": 51,
+    "discrepancy": 53,
     "dynamics": 15,
     "estimation": 13,
     "files": 6,

@@ -16,19 +16,11 @@ from iwanjax.discrepancy.findings import (
     Suspect,
 )
 from iwanjax.discrepancy.judgement import Verdict
+from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.wording import noun, sentence, share, sizes
 from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
 from iwanjax.tables import Block, without_empty_columns
-
-# Probability of something else from which on the report mentions it.
-_MENTIONED = 0.05
-# Probability below which an explanation is called excluded.
-_EXCLUDED = 1e-3
-# What noise exceeds in one case of twenty over what it leaves, from which on the report names both.
-_OFTEN = 1.15
-# Rivals that a summary lists.
-_LISTED = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +204,11 @@ class Diagnosis(AbstractResult):
         usual, high = self._of(self.noise_floor), self._of(self.noise_floor_95)
         if not usual < 1.0:
             return "more than the signal, in a model that amplifies it without bound"
-        often = f", in one case of twenty {share(high)}" if high > _OFTEN * usual else ""
+        often = (
+            f", in one case of twenty {share(high)}"
+            if high > settings().judgement.often * usual
+            else ""
+        )
         return share(usual) + often
 
     def _improvement(self) -> list[str]:
@@ -240,11 +236,11 @@ class Diagnosis(AbstractResult):
             rival = max(others, key=lambda each: (each.probability, each.log_evidence))
             next_best = noun(rival.kind, rival.where)
             likely = f"has a probability of {rival.probability:.2g}"
-            out = rival.probability < _EXCLUDED
+            out = rival.probability < settings().judgement.excluded
             doubts.append(
                 f"The next best explanation, {next_best}, {'is excluded' if out else likely}"
             )
-        if self.verdict.found and self.probability_something_else > _MENTIONED:
+        if self.verdict.found and self.probability_something_else > settings().judgement.likely:
             doubts.append(
                 f"The probability that it is something else is "
                 f"{self.probability_something_else:.2f}"
@@ -297,7 +293,7 @@ class Diagnosis(AbstractResult):
                 sizes(each.parameters),
                 ", ".join(each.joint_with),
             )
-            for each in self.what[:_LISTED]
+            for each in self.what[: settings().judgement.listed]
         ]
         errors = [
             (name, share(errors.fit), share(errors.hold_out) if self._held else "")

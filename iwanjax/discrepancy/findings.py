@@ -7,10 +7,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from iwanjax.discrepancy.effects import Kind
+from iwanjax.discrepancy.settings import settings
 from iwanjax.joints import ParameterInfo
-
-SURE = 2.0
-"""Deviations from none at all that a size has to be known by: one in twenty is not, by chance."""
 
 
 class Estimate(NamedTuple):
@@ -34,10 +32,6 @@ class Refitted(NamedTuple):
 
     name: str
     parameters: tuple[Estimate, ...]
-
-
-# Deviations beyond which a difference is one, and levels it is taken at.
-CLEAR, LEVELS = 3.0, 9
 
 
 class Observable(NamedTuple):
@@ -184,8 +178,9 @@ class Score(NamedTuple):
     drop: float
 
 
-def alike(what: Sequence[Suspect], margin: float) -> tuple[tuple[str, str], ...]:
+def alike(what: Sequence[Suspect]) -> tuple[tuple[str, str], ...]:
     """The first suspect with each whose evidence is as good within a margin."""
+    margin = settings().judgement.alike
     return tuple(
         (what[0].label, other.label)
         for other in what[1:]

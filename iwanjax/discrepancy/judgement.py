@@ -7,20 +7,14 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from iwanjax.discrepancy.settings import settings
 from iwanjax.errors import InputError
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG, misspecification_probability, shares
 
 VerdictName = Literal["nothing_missing", "something_missing", "undecided"]
 
-# A verdict holds more than half of the probability; rounding of sums of probabilities.
-_HALF, _ROUNDING = 0.5, 1e-9
-# Share of a misfit at which a law is as likely a neighbour of the truth as the truth itself. Over
-# Gaussian motion the best |v|v leaves 0.31 of v^3, 0.16 with a damper beside it, and a damper alone
-# 0.39 of |v|v; a cubic spring in a circuit whose damping is known to 3 % leaves 0.09 (Silverbox,
-# 0.10 of what is fitted and 0.06 of what is held out), drag for cubic damping 0.12 (notebook
-# 06). Half of it takes the spring for unknown, double of it drag for cubic damping. The sharpness
-# is a choice that no data made.
-_NEIGHBOUR, _SHARPNESS = 0.1, 4
+# Of sums of probabilities.
+_ROUNDING = 1e-9
 
 
 class Misfit(NamedTuple):
@@ -189,7 +183,7 @@ def together(parts: Sequence[Verdict]) -> Whole:
     if found:
         return Whole("something_missing", True, nothing, min(x.something_else for x in found))
     unknown = 1.0 - math.prod(1.0 - each.something_else for each in parts)
-    name = "nothing_missing" if nothing > _HALF and not detected else "undecided"
+    name = "nothing_missing" if nothing > 0.5 and not detected else "undecided"
     return Whole(name, detected, nothing, unknown)
 
 
@@ -212,9 +206,9 @@ def worse(before: float, after: float, floor: float) -> bool:
 
 
 def _named(nothing: float, named: Sequence[float]) -> VerdictName:
-    if nothing > _HALF:
+    if nothing > 0.5:
         return "nothing_missing"
-    if named and sum(named) > _HALF and named[0] >= nothing:
+    if named and sum(named) > 0.5 and named[0] >= nothing:
         return "something_missing"
     return "undecided"
 
@@ -231,7 +225,8 @@ def _unexplained(before: Misfit, after: Misfit) -> float:
     share = math.sqrt(left / there) if there > 0.0 else math.inf
     if math.isnan(share):
         share = math.inf
-    odds = (share / _NEIGHBOUR) ** _SHARPNESS
+    known = settings().judgement
+    odds = (share / known.neighbour) ** known.sharpness
     bound = odds / (1.0 + odds) if math.isfinite(odds) else 1.0
     return min(max(map(misspecification_probability, after)), bound)
 

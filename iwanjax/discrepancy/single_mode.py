@@ -11,9 +11,8 @@ from iwanjax.quasistatic import ModalOscillator, coupled_modes, qsma
 from iwanjax.results import AbstractResult
 from iwanjax.signals.hilbert import RingDown
 
-_LOADS, _POINTS = 200, 200
-# How far the loads reach beyond what the largest amplitude needs.
-_MARGIN = 3.0
+# Loads and points of a curve, and how far the loads reach beyond what the largest amplitude needs.
+_LOADS, _POINTS, _MARGIN = 200, 200, 3.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,6 +61,16 @@ class _Equations(NamedTuple):
         X = (z[:count] + 1j * z[count : 2 * count]).reshape(shape) * self.unit
         return self.control.motion(X, z[2 * count :])
 
+    def balanced(self, z: Array, r: Array, tolerance: Array) -> Array:
+        """Whether a residual is small against the deflections, its conditions against one.
+
+        A frequency or force that runs away makes nothing balanced: it counts as one at most.
+        """
+        count = 2 * self.system.joints.count * len(self.system.cycle.harmonics)
+        size = jnp.max(jnp.abs(jnp.concatenate([z[:count], jnp.clip(z[count:], -1.0, 1.0)])))
+        away = jnp.max(jnp.abs(r[:count])) <= tolerance * size
+        return away & jnp.all(jnp.abs(r[count:]) <= tolerance) & (self.motion(z).omega > 0.0)
+
     def residual(self, z: Array, F: Array) -> Array:
         motion = self.motion(z)
         found = self.system.balance(motion, F, self.control.linear(self.system, motion))
@@ -107,7 +117,9 @@ def follow(system: PeriodicSystem, controls: Control, tolerance: Array) -> Solut
     """Motions one after the other, each from the last that was found.
 
     Where that leads nowhere, as beyond a fold, Newton's method starts from the motion of a
-    linear structure and then from a larger motion against the phase.
+    linear structure and then from a larger motion against the phase. Where the frequency is
+    unknown, a start has that which its own joint forces ask for, so that a level may be any
+    multiple of the last.
 
     Parameters
     ----------
@@ -126,9 +138,11 @@ def follow(system: PeriodicSystem, controls: Control, tolerance: Array) -> Solut
     start = jax.tree.map(lambda x: x[0], controls)
 
     def point(last: tuple[Motion, Array], control: Control) -> tuple[Any, Solution]:
-        (motion, level), elastic = last, control.guess(system)
-        ratio = control.level / level
-        scaled = Motion(motion.X * ratio, motion.f * ratio, motion.omega)
+        motion, level = last
+        fixed, known = jax.lax.stop_gradient((system, control))
+        elastic = known.tuned(fixed, known.guess(fixed))
+        ratio = known.level / level
+        scaled = known.tuned(fixed, Motion(motion.X * ratio, motion.f * ratio, motion.omega))
         # A jump to larger motion passes resonance: the phase turns.
         jumped = Motion(-2.0 * scaled.X, motion.f * ratio, motion.omega)
         solution = _solve(system, control, (scaled, elastic, jumped), tolerance)
@@ -190,7 +204,7 @@ def _newton(equations: _Equations, start: _Corrector, tolerance: Array) -> _Corr
         r, J = equations.evaluate(z)
         size = jnp.max(jnp.abs(r))
         better = size < trial.size
-        balanced = size <= tolerance * jnp.max(jnp.abs(z))
+        balanced = equations.balanced(z, r, tolerance)
         return _Corrector(
             jnp.where(better, z, trial.z),
             jnp.where(better, -jnp.linalg.solve(J, r), trial.step),

@@ -49,15 +49,18 @@ def nonlinear_modes(
     mode : int
         Index among the elastic modes, lowest first.
     levels : (levels,) array_like
-        Amplitudes q of the modal displacement, positive; followed in the order given, which
-        should rise.
+        Amplitudes q of the modal displacement, positive; followed in the order given, in steps
+        of any length. Where slip makes the mode another one, as where a joint much stiffer than
+        the structure lets go, several motions are in phase resonance: levels close together
+        stay with one.
     harmonics, samples, periods, modes, sliders, tolerance
         As for :func:`harmonic_response`.
 
     Returns
     -------
     ModalCurves
-        Against q; NaN where no motion was found.
+        Against q; NaN where no motion was found, as where friction damps the mode more than
+        critically. Levels beyond are followed from the last that was found.
 
     Raises
     ------

@@ -31,6 +31,10 @@ class Control(eqx.Module):
     def guess(self, system: PeriodicSystem) -> Motion:
         """The motion of a linear structure."""
 
+    def tuned(self, system: PeriodicSystem, motion: Motion) -> Motion:
+        """A guess with the frequency and force that its joints ask for, where these are unknown."""
+        return motion
+
     @abc.abstractmethod
     def motion(self, X: Array, beside: Array) -> Motion:
         """The motion that the unknowns describe."""
@@ -139,6 +143,23 @@ class PhaseResonance(HeldResponse):
         fundamental = np.array(system.cycle.harmonics) == 1
         X = self.shape[:, None] * self.displacement * np.where(fundamental, 1.0 + 0.0j, 0.0)
         return Motion(X, jnp.zeros((), X.dtype), self.omega_0)
+
+    def tuned(self, system: PeriodicSystem, motion: Motion) -> Motion:
+        r"""From the mode's own equation of motion, driven by the pseudo-forces G of the guess.
+
+        .. math:: \Omega^2 = w^T\omega^2w - \Re\frac{w^TP^TG}{q}, \qquad
+                  f = i\Omega\,w^TCw\,q - i\Im\,w^TP^TG
+
+        with w the modal force, of length one.
+        """
+        modal, first, q = system.modal, system.cycle.first, self.displacement
+        w = modal.W[:, 0]
+        G = modal.stiffness[:, None] * motion.X - system.forces(motion.X, motion.omega)
+        pushed = (modal.P @ w) @ G[:, first]
+        square = w @ (modal.omega2 * w) - pushed.real / q
+        omega = jnp.sqrt(jnp.where(square > 0.0, square, motion.omega**2))
+        damped = w @ (modal.C * w if modal.C.ndim == 1 else modal.C @ w)
+        return Motion(motion.X, 1j * (omega * damped * q - pushed.imag), omega)
 
     def motion(self, X: Array, beside: Array) -> Motion:
         """Frequency over that of the linear mode; force in units of acceleration."""

@@ -39,7 +39,7 @@ def _truth(folder: Path) -> list[str]:
     return sorted(f"{kind}@{where}" for kind, where in pairs if kind != "none")
 
 
-def judged(said: list[str], verdict: str, folder: Path) -> tuple[bool, bool]:
+def graded(said: list[str], verdict: str, folder: Path) -> tuple[bool, bool]:
     """Whether a verdict is right, and whether it is a false alarm.
 
     A mild nuisance that is in the recordings indeed may be named besides.
@@ -71,12 +71,21 @@ def _diagnosed(folder: Path) -> dict[str, Any]:
             [*command, "--out", f"{out}/out"], capture_output=True, text=True, check=False
         )
         seconds = time.perf_counter() - start
-        truth = _truth(folder)
         if run.returncode:
             last = (run.stderr.strip().splitlines() or ["no message"])[-1]
-            return {"truth": truth, "error": last, "seconds": seconds, "right": False}
+            return failed(folder, last, seconds)
         found = json.loads(Path(out, "out", "diagnosis.json").read_text())
-    said = _said(found)
+    return judged(folder, found, seconds)
+
+
+def failed(folder: Path, error: str, seconds: float) -> dict[str, Any]:
+    """What a record keeps of a case that ended with an error."""
+    return {"truth": _truth(folder), "error": error, "seconds": seconds, "right": False}
+
+
+def judged(folder: Path, found: dict[str, Any], seconds: float) -> dict[str, Any]:
+    """What a record keeps of a case's diagnosis.json, beside the truth."""
+    truth, said = _truth(folder), _said(found)
     kept = {
         key: found[key]
         for key in (
@@ -90,7 +99,7 @@ def _diagnosed(folder: Path) -> dict[str, Any]:
         )
         if key in found
     }
-    right, alarm = judged(said, found["verdict"], folder)
+    right, alarm = graded(said, found["verdict"], folder)
     return {
         "truth": truth,
         "said": said,

@@ -194,10 +194,10 @@ def test_a_summary_counts_by_excitation_and_forgives_mild_hum(tmp_path):
         (tmp_path / name).mkdir()
         truth = {"kind": kind, "where": "m1", "excitation": "random", "tolerated": tolerated}
         (tmp_path / name / "truth.json").write_text(json.dumps(truth))
-    assert frozen.judged(["sensor_hum@a1"], "something_missing", tmp_path / "a") == (True, False)
-    assert frozen.judged(["sensor_gain@a1"], "something_missing", tmp_path / "a") == (False, True)
-    assert frozen.judged([], "undecided", tmp_path / "a") == (False, False)
-    assert frozen.judged(["mass_error@m1"], "something_missing", tmp_path / "b") == (True, False)
+    assert frozen.graded(["sensor_hum@a1"], "something_missing", tmp_path / "a") == (True, False)
+    assert frozen.graded(["sensor_gain@a1"], "something_missing", tmp_path / "a") == (False, True)
+    assert frozen.graded([], "undecided", tmp_path / "a") == (False, False)
+    assert frozen.graded(["mass_error@m1"], "something_missing", tmp_path / "b") == (True, False)
     floors = {"after": {"hold_out": 1.4}, "noise_floor": {"hold_out": 1.0}}
     kept = {
         "a": {"truth": [], "right": False, "alarm": True, "fit": floors},

@@ -25,6 +25,41 @@ def test_oscillator_follows_the_first_harmonic_closed_form():
     np.testing.assert_allclose(curves.damping, damping, rtol=2e-3)
 
 
+@pytest.mark.parametrize(
+    "levels", [[0.5, 2.0], [0.5, 1e3], [1e3, 2.0, 0.5], [2.0], [1e-3, 1e3, 1e-2, 1e2]]
+)
+@pytest.mark.parametrize(
+    "joint", [ij.Jenkins(F_S=1.0, K_T=1.0), ij.Iwan4(F_S=1.0, K_T=1.0, chi=-0.5, beta=1.0)]
+)
+def test_a_level_may_be_any_multiple_of_the_last(joint, levels):
+    # The frequency used to run away, 8.5e15 Hz at the second level, and count as balanced.
+    system = ij.oscillator(stiffness=3.0, joint=joint, zeta=0.01)
+    curves = nonlinear_modes(system, 0, levels, harmonics=ODD)
+    closed = ij.ModalOscillator(2.0 / (2 * np.pi), 0.01, joint)
+    frequency, damping = closed.frequency_and_damping(np.asarray(levels))
+    # The third harmonic of the motion, measured.
+    np.testing.assert_allclose(curves.frequency, frequency, rtol=1e-3)
+    np.testing.assert_allclose(curves.damping, damping, rtol=1e-2)
+    close = nonlinear_modes(system, 0, np.geomspace(1e-3, 1e3, 61), harmonics=ODD)
+    place = np.searchsorted(close.amplitude, np.asarray(levels) * (1.0 - 1e-9))
+    here = np.isclose(close.amplitude[place], levels)
+    np.testing.assert_allclose(curves.frequency[here], close.frequency[place][here], rtol=1e-9)
+
+
+def test_a_frequency_is_one_that_the_structure_can_have_or_nan():
+    # Between 0.1 and 0.2 the slider, a hundred times as stiff as the structure, damps the mode
+    # more than critically; the motion is no mode's there, nor found.
+    system = ij.oscillator(stiffness=3.0, joint=ij.Jenkins(F_S=1.0, K_T=100.0), zeta=0.01)
+    curves = nonlinear_modes(system, 0, np.geomspace(1e-3, 1e3, 60))
+    omega = 2.0 * np.pi * np.asarray(curves.frequency)
+    found = np.isfinite(omega)
+    assert np.mean(found) > 0.9
+    # Next to those levels the third harmonic takes 0.1 % off the lower bound.
+    assert np.min(omega[found]) > 0.998 * np.sqrt(3.0)
+    assert np.max(omega[found]) < np.sqrt(103.0) * (1.0 + 1e-9)
+    assert np.all(curves.damping[found] > 0.0)
+
+
 @pytest.mark.reference
 def test_three_masses_part_from_quasi_static_analysis_in_macroslip():
     system = ij.three_mass()

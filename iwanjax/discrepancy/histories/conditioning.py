@@ -12,30 +12,14 @@ from iwanjax.discrepancy.histories.noise import noise_of, quietest
 from iwanjax.discrepancy.histories.observer import released
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, hold
 from iwanjax.discrepancy.histories.recordings import (
-    BESIDE,
-    ENOUGH,
-    SPOILT,
     CleanForce,
     StudyRecording,
     cleaned,
 )
+from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.errors import InputError
 from iwanjax.signals.comparison_band import HALF, OF_NOISE
-
-# Where modes lie above this share of the sampling rate, what a recorder's filter makes ring
-# beside a pulse moves them: so many samples then, though they bring noise with them.
-_HIGH, _RINGING = 0.2, 16
-MODEL_ERROR = 0.002
-"""Share of a channel's root mean square that a model may be off by and still be right."""
-# Share of a force's peak that its samples may be off by while it acts.
-_FORCE_ERROR = 0.01
-# Parts of a step between samples that a force is followed in.
-_PARTS = 4
-# Samples beside a pulse over which what is between them dies away.
-_TAIL = 16
-# Directions in which the state after a pulse is uncertain.
-_DIRECTIONS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +52,7 @@ def conditioned(
     length: int,
     count: int,
     directions: int,
+    settings: ConditioningSettings = CONDITIONING,
 ) -> ConditionedRecordings:
     """Clean forces, integrate what they do to the modes, and weigh residuals.
 
@@ -83,6 +68,8 @@ def conditioned(
         Samples, and recordings, to fill up to: kernels are compiled for one shape.
     directions : int
         Of a state that is uncertain.
+    settings : ConditioningSettings
+        Of the stage.
 
     Raises
     ------
@@ -96,28 +83,35 @@ def conditioned(
         * made.substeps
         / (2.0 * math.pi)
     )
-    beside = _RINGING if cycles > _HIGH else BESIDE
+    beside = settings.ringing if cycles > settings.high else settings.beside
     for each in recordings:
-        _check(each)
+        _check(each, settings)
         response = each.response.astype(float)
         missing = (0, length - len(response))
         kick = np.zeros(length)
         if each.force is None:
-            noise = np.where(np.isnan(known_noise), noise_of(response, 0), known_noise)
-            state, unsure = released(made, response, noise)
+            noise = np.where(np.isnan(known_noise), noise_of(response, 0, settings), known_noise)
+            state, unsure = released(made, response, noise, settings)
             felt, kick[0] = np.zeros_like(response), 1.0
             push = np.zeros((length, made.substeps, modal.W.shape[0] + 2 * made.kept))
             push[0, -1, : len(state)] = state
         else:
-            force = cleaned(each.force.astype(float), beside)
-            own = quietest(response) if force.endless else noise_of(response, force.first)
+            force = cleaned(each.force.astype(float), beside, settings)
+            own = (
+                quietest(response, settings)
+                if force.endless
+                else noise_of(response, force.first, settings)
+            )
             noise = np.where(np.isnan(known_noise), own, known_noise)
-            felt, unsure = _felt(made, modal, force), _unsure(made, modal, force)
+            felt, unsure = (
+                _felt(made, modal, force, settings),
+                _unsure(made, modal, force, settings),
+            )
             kick[min(force.last + 1, len(response) - 1)] = 1.0
-            push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))))
+            push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))), settings)
             warnings += _odd(each, force)
         rms = np.sqrt(np.mean(response**2, axis=0))
-        deviation = np.sqrt(noise**2 + (MODEL_ERROR * rms) ** 2)
+        deviation = np.sqrt(noise**2 + (settings.model_error * rms) ** 2)
         weight = 1.0 / (OF_NOISE * np.sqrt(deviation**2 + felt**2))
         weight[:HALF] = weight[-HALF:] = 0.0
         rows.append(
@@ -138,13 +132,17 @@ def conditioned(
     return ConditionedRecordings(names, data, np.stack(noises), tuple(warnings))
 
 
-def directions_of(recordings: Sequence[StudyRecording], made: Predictor) -> int:
+def directions_of(
+    recordings: Sequence[StudyRecording],
+    made: Predictor,
+    settings: ConditioningSettings = CONDITIONING,
+) -> int:
     """In how many the states of recordings are uncertain: that of a free decay in all."""
     decays = any(each.force is None for each in recordings)
-    return max(_DIRECTIONS, 2 * made.kept) if decays else _DIRECTIONS
+    return max(settings.directions, 2 * made.kept) if decays else settings.directions
 
 
-def _check(each: StudyRecording) -> None:
+def _check(each: StudyRecording, settings: ConditioningSettings) -> None:
     for array, what in ((each.response, "response"), (each.force, "force")):
         if array is not None and not np.all(np.isfinite(array)):
             raise InputError(f"{each.name}: {what} holds NaN or infinite values")
@@ -156,7 +154,7 @@ def _check(each: StudyRecording) -> None:
     silent = np.flatnonzero(~np.any(each.response, axis=0))
     if silent.size:
         raise InputError(f"{each.name}: sensor {silent[0]} shows nothing at all; leave it out")
-    if len(each.response) < ENOUGH + 2 * SPOILT:
+    if len(each.response) < settings.enough + 2 * settings.spoilt:
         raise InputError(f"{each.name}: {len(each.response)} samples are too few to diagnose")
 
 
@@ -178,19 +176,23 @@ def _odd(each: StudyRecording, force: CleanForce) -> list[str]:
     return found
 
 
-def _felt(made: Predictor, modal: ModalCoordinates, force: CleanForce) -> np.ndarray:
+def _felt(
+    made: Predictor, modal: ModalCoordinates, force: CleanForce, settings: ConditioningSettings
+) -> np.ndarray:
     """What errors of a force do to accelerations at once while it acts, (N, sensors)."""
     pulse = np.any(force.clean != 0, axis=1)
     if made.quantity != "acceleration":
         return np.zeros((len(pulse), made.sensors.shape[0]))
-    errors = force.noise + _FORCE_ERROR * np.max(np.abs(force.clean), axis=0)
+    errors = force.noise + settings.force_error * np.max(np.abs(force.clean), axis=0)
     direct = np.asarray(made.sensors) @ np.asarray(modal.W)[: made.kept]
     size = np.sqrt(direct**2 @ errors**2)
     wide = np.convolve(pulse, np.ones(2 * HALF + 1), "same") > 0
     return wide[:, None] * size
 
 
-def _pushed(made: Predictor, modal: ModalCoordinates, force: np.ndarray) -> np.ndarray:
+def _pushed(
+    made: Predictor, modal: ModalCoordinates, force: np.ndarray, settings: ConditioningSettings
+) -> np.ndarray:
     """What a force does to the modes over each step, by Fourier interpolation of its samples.
 
     A hammer's pulse may be ten samples long. Whatever a recorder's filter lets through, up to
@@ -202,24 +204,25 @@ def _pushed(made: Predictor, modal: ModalCoordinates, force: np.ndarray) -> np.n
     left = W.shape[0] - kept
     push = np.zeros((N, steps, 3 * kept + left))
     acts = np.any(force != 0, axis=1)
-    near = np.flatnonzero(np.convolve(acts, np.ones(2 * _TAIL + 1), "same") > 0)
+    near = np.flatnonzero(np.convolve(acts, np.ones(2 * settings.tail + 1), "same") > 0)
     near = near[near > 0]
     if not near.size:
         return push
-    part, fine = float(made.dt) / _PARTS, 2 * _PARTS * steps
+    parts = settings.force_parts
+    part, fine = float(made.dt) / parts, 2 * parts * steps
     between = upsampled(force, fine)
     by = hold(np.asarray(made.omega2), np.asarray(made.C), part)
     for k in range(steps):
         q: Any = np.zeros((kept, len(near)))
         v: Any = q
-        for j in range(k * _PARTS, (k + 1) * _PARTS):
+        for j in range(k * parts, (k + 1) * parts):
             first = (near - 1) * fine + 2 * j
             f_0, f_half, f_1 = (W[:kept] @ between[first + i].T for i in range(3))
             q, v = by.free(q, v)
             p: Any = f_0, 4.0 * f_half - 3.0 * f_0 - f_1, 2.0 * (f_0 - 2.0 * f_half + f_1)
             more_q, more_v = by.pushed(p)
             q, v = q + more_q, v + more_v
-        end = between[(near - 1) * fine + 2 * _PARTS * (k + 1)] @ W.T
+        end = between[(near - 1) * fine + 2 * parts * (k + 1)] @ W.T
         # Outside its pulse what is between the samples only rings.
         end = np.where(acts[near, None], end, 0.0)
         push[near, k] = np.concatenate([q.T, v.T, end], axis=1)
@@ -232,7 +235,9 @@ def upsampled(force: np.ndarray, times: int) -> np.ndarray:
     return times * found
 
 
-def _unsure(made: Predictor, modal: ModalCoordinates, force: CleanForce) -> np.ndarray:
+def _unsure(
+    made: Predictor, modal: ModalCoordinates, force: CleanForce, settings: ConditioningSettings
+) -> np.ndarray:
     """Directions and deviations of the state after a pulse whose force is noisy."""
     from iwanjax.discrepancy.histories.observer import stepped
 
@@ -248,15 +253,15 @@ def _unsure(made: Predictor, modal: ModalCoordinates, force: CleanForce) -> np.n
     step = stepped(A, dt)
     W = np.vstack([np.zeros_like(modal.W[:kept]), modal.W[:kept]]) * dt
     columns = []
-    for n in range(force.last, max(force.first - _RINGING, 0) - 1, -1):
+    for n in range(force.last, max(force.first - settings.ringing, 0) - 1, -1):
         active = np.flatnonzero(force.clean[n])
         columns += [W[:, i] * force.noise[i] for i in active]
         W = step @ W
-    found = np.zeros((2 * kept, _DIRECTIONS))
+    found = np.zeros((2 * kept, settings.directions))
     if columns:
         # Displacements times frequencies: both halves of the state are of one size then.
         size = np.concatenate([np.sqrt(np.maximum(made.omega2, 1.0)), np.ones(kept)])
         U, S, _ = np.linalg.svd(size[:, None] * np.stack(columns, axis=1), full_matrices=False)
-        count = min(_DIRECTIONS, len(S))
+        count = min(settings.directions, len(S))
         found[:, :count] = U[:, :count] * S[:count] / size[:, None]
     return found

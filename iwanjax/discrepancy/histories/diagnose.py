@@ -13,7 +13,6 @@ from iwanjax.discrepancy.effects import ForceKind, kinds_of
 from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.findings import Errors, Observable, Suspect, alike
 from iwanjax.discrepancy.histories import selection
-from iwanjax.discrepancy.histories.conditioning import MODEL_ERROR
 from iwanjax.discrepancy.histories.corrected_model import corrected_model
 from iwanjax.discrepancy.histories.estimates import estimates
 from iwanjax.discrepancy.histories.joint_priors import Joint
@@ -28,21 +27,13 @@ from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
+from iwanjax.discrepancy.settings import settings
 from iwanjax.errors import InputError
 from iwanjax.estimation.evidence import LEAST_GAIN
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
-
-# Error over the noise's from which on something is left unexplained.
-_UNEXPLAINED = 1.25
-# Probability of something else from which on that is what a report says.
-_LIKELY = 0.05
-# The same over held-out recordings, where parameters count with so many deviations.
-_UNFORESEEN, _DEVIATIONS = 1.5, 2.0
-# Evidences closer than this do not decide.
-_ALIKE = 3.0
 
 
 @one_thread()
@@ -113,7 +104,7 @@ def diagnose_histories(
     """
     require_double_precision("diagnose")
     started = time.perf_counter()
-    kinds = kinds_of(hypotheses)
+    kinds, numbers = kinds_of(hypotheses), settings().histories
     places = {name: finite_array(row, name) for name, row in rows.items()}
     rows_in, rows_out = (
         np.stack([finite_array(row, name) for name, row in named.items()])
@@ -121,7 +112,7 @@ def diagnose_histories(
     )
     _check(recordings, len(rows_in), len(rows_out))
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
-    deviations = np.where(np.isnan(given), common_noise(recordings), given)
+    deviations = np.where(np.isnan(given), common_noise(recordings, numbers.conditioning), given)
     joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
     forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
     predictor_of = partial(
@@ -133,7 +124,7 @@ def diagnose_histories(
         quantity,
         forces,
     )
-    resolution = StepRefinement(predictor_of, joints, recordings, deviations)
+    resolution = StepRefinement(predictor_of, joints, recordings, deviations, numbers)
     now = resolution.of_model()
     shapes = np.asarray(now.modal.Phi)
     moving = {name: row @ shapes for name, row in places.items() if np.any(row @ shapes)}
@@ -162,12 +153,13 @@ def diagnose_histories(
             entry, failures, replaced=replaced or not scope.in_time()
         ),
     )
+    allowed = numbers.conditioning.model_error
     verdict = judged(
         table.nominal.behind + LEAST_GAIN,
         [entry.behind for entry in table.entries],
         # Noise is of the recordings: the model that fits them best knows what it leaves.
-        _misfit(before, min(before, after, key=lambda run: run[0].relative)),
-        _misfit(after, after),
+        _misfit(before, min(before, after, key=lambda run: run[0].relative), allowed),
+        _misfit(after, after, allowed),
     )
     what = _suspects(table, verdict.named) if table.detected and verdict.detected else []
     after = after if what else before
@@ -212,7 +204,7 @@ def diagnose_histories(
     ]
     warnings += _left(after[0], bool(what), verdict.something_else)
     warnings += _unforeseen(after[1]) if after[1] else []
-    indistinguishable = alike(what, _ALIKE) if what else ()
+    indistinguishable = alike(what) if what else ()
     if what:
         indistinguishable += containing(table.best, table.entries)
     return Diagnosis(
@@ -239,18 +231,18 @@ def diagnose_histories(
     )
 
 
-def _misfit(run: Runs, best: Runs) -> Misfit:
+def _misfit(run: Runs, best: Runs, model_error: float) -> Misfit:
     """Errors over what noise, an error that a right model may have, and open parameters leave.
 
     Noise by the model that fits best; one in which it grows beyond the signal predicts nothing.
     """
     (fitted, held_out), (noise, noise_held_out) = run, best
-    allowed = math.hypot(noise.floor, MODEL_ERROR)
+    allowed = math.hypot(noise.floor, model_error)
     of_fit = fitted.relative / allowed if noise.floor < 1.0 else math.inf
     if held_out is None or noise_held_out is None:
         return Misfit(of_fit, math.nan)
-    spread = _DEVIATIONS * held_out.spread if best is run else 0.0
-    foreseen = math.hypot(noise_held_out.floor_95, spread, MODEL_ERROR)
+    spread = settings().judgement.uncertain * held_out.spread if best is run else 0.0
+    foreseen = math.hypot(noise_held_out.floor_95, spread, model_error)
     return Misfit(of_fit, held_out.relative / foreseen if foreseen < 1.0 else math.inf)
 
 
@@ -272,12 +264,12 @@ def _polished(
 def _left(fitted: FreeRun, detected: bool, unknown: float) -> list[str]:
     """What to think of a residual that stays well above the noise."""
     ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
-    if ratio < _UNEXPLAINED:
+    if ratio < settings().judgement.unexplained:
         return []
     off = f"The fitted recordings are still {ratio:.2g} times the noise off"
     if not detected:
         return [f"{off}, but nothing that was tried explains it (probability {unknown:.2f})"]
-    if unknown > _LIKELY:
+    if unknown > settings().judgement.likely:
         return [
             f"{off}, so something else is missing as well, or what is missing is only like this "
             f"(probability {unknown:.2f})"
@@ -287,8 +279,9 @@ def _left(fitted: FreeRun, detected: bool, unknown: float) -> list[str]:
 
 def _unforeseen(held_out: FreeRun) -> list[str]:
     """What to think of held-out recordings that are off by more than anything accounts for."""
-    ratio = held_out.relative / math.hypot(held_out.floor_95, _DEVIATIONS * held_out.spread)
-    if ratio < _UNFORESEEN:
+    known = settings().judgement
+    ratio = held_out.relative / math.hypot(held_out.floor_95, known.uncertain * held_out.spread)
+    if ratio < known.unforeseen:
         return []
     return [
         f"The held-out recordings are off by {ratio:.2g} times what noise and uncertain parameters "

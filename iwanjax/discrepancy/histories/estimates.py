@@ -7,14 +7,12 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, SensorKind
-from iwanjax.discrepancy.findings import SURE, Estimate
-from iwanjax.discrepancy.histories.joint_priors import joints_of
+from iwanjax.discrepancy.findings import Estimate
+from iwanjax.discrepancy.histories.joint_priors import joints_of, of_logarithm
 from iwanjax.discrepancy.histories.likelihood import covariance
 from iwanjax.discrepancy.histories.multistart import HypothesisFit
-from iwanjax.discrepancy.histories.problem import HistoryProblem, free_values, rates
-
-# What a prior deviation is worth in a drift.
-_PRIOR = {"F_S_change": 0.5, "K_T_change": 0.1}
+from iwanjax.discrepancy.histories.problem import DIFFERENCE, HistoryProblem, free_values, rates
+from iwanjax.discrepancy.settings import settings
 
 
 def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tuple[Estimate, ...]:
@@ -75,7 +73,9 @@ def _determined(
         # Of friction the share that is lost, of a joint its strength or its stiffness.
         found = estimates(problem, fitted, slot)
         off = [1.0 - each.value if kind.name == "stiction" else each.value for each in found[:2]]
-        return any(x > SURE * each.std for x, each in zip(off, found, strict=False))
+        return any(
+            x > settings().judgement.sure * each.std for x, each in zip(off, found, strict=False)
+        )
     own = free_values(problem, hypothesis)
     at, both = problem.map.size(slot), (problem.map.size(slot), problem.map.shape(slot))
     places = [own.index(value) for value in both if value in own]
@@ -86,7 +86,7 @@ def _determined(
     logarithmic = at not in own or hypothesis.logarithmic(slot)
     # A logarithm is known by so many deviations of the size itself, which the limit of a sensor is.
     size = 1.0 if logarithmic else abs(float(fitted.theta.mean(axis=0)[at]))
-    return bool(size > SURE * deviation)
+    return bool(size > settings().judgement.sure * deviation)
 
 
 def _of_joint(
@@ -99,9 +99,11 @@ def _of_joint(
     if kind.name == "joint_drift":
         known = covariance(problem, fitted)
         span = problem.order[-1] - problem.order[0]
-        found = []
+        assert fitted.hypothesis.drifting is not None
+        drifting = problem.joints[fitted.hypothesis.drifting].given
+        own, found = {info.name: info for info in drifting.parameters}, []
         for info, rate in zip(kind.parameters, rates(problem, fitted.hypothesis), strict=True):
-            each = _PRIOR[info.name] / span
+            each = of_logarithm(own[info.name.removesuffix("_change")]) / span
             std = math.sqrt(max(float(known[rate, rate]), 0.0))
             found.append(Estimate(info, each * float(fitted.x[rate]), each * std))
         return tuple(found)
@@ -109,13 +111,12 @@ def _of_joint(
     places = [4] if stuck else list(range(problem.parameters - 4, problem.parameters))
     joints = joints_of(problem.joints, jax.device_put(theta[: problem.parameters]))
     joint = joints[0 if stuck else -1]
-    step = 1e-4
     found = []
     for info, place in zip(kind.parameters, places, strict=True):
         moved = theta[: problem.parameters].copy()
-        moved[place] += step
+        moved[place] += DIFFERENCE
         other = joints_of(problem.joints, jax.device_put(moved))[0 if stuck else -1]
         value = float(getattr(joint, info.name))
-        slope = (float(getattr(other, info.name)) - value) / step
+        slope = (float(getattr(other, info.name)) - value) / DIFFERENCE
         found.append(Estimate(info, value, abs(slope) * deviation(place)))
     return tuple(found)

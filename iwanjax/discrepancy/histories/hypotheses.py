@@ -18,8 +18,6 @@ from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, St
 from iwanjax.joints import Iwan4, Iwan5
 
 _CHAIN = ("gain", "delay", "limit")
-# Prior deviations of theta and of a whole joint, as multiples of a given joint's.
-_LOOSE_THETA, _LOOSE_JOINT = 3.0, (4.0, 8.0, 1.5, 2.0)
 
 
 def force(
@@ -149,7 +147,7 @@ def with_stiction(
     order = [joint, *(i for i in range(len(problem.joints)) if i != joint)]
     given = problem.joints[joint].given
     values = {info.name: getattr(given, info.name) for info in given.parameters}
-    loose = jnp.append(problem.joints[joint].loose, _LOOSE_THETA)
+    loose = jnp.append(problem.joints[joint].loose, problem.settings.joint_faults.loose_theta)
     stuck = Joint(Iwan5(**values, theta=thetas[0]), loose)
     joints = (stuck, *(problem.joints[i] for i in order[1:]))
     at = jnp.asarray(order)
@@ -194,7 +192,7 @@ def with_joint(
     first = guesses[0]
     strength = first.stiffness * first.slip
     given = Iwan4(F_S=strength, K_T=first.stiffness, chi=-0.5, beta=first.beta)
-    more = Joint(given, jnp.asarray(_LOOSE_JOINT))
+    more = Joint(given, jnp.asarray(problem.settings.joint_faults.loose_joint))
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness),
         problem.predictor,

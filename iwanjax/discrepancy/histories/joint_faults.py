@@ -20,8 +20,6 @@ from iwanjax.discrepancy.histories.multistart import (
 from iwanjax.discrepancy.histories.places import Place
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.ranking import (
-    GIVE_UP,
-    MISFIT,
     STEPS,
     TIME_CONSTANT,
     RankedFit,
@@ -36,22 +34,6 @@ from iwanjax.discrepancy.histories.score_test import Candidate
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.joints import Iwan4
 
-# Ratios of kinetic to static friction to begin with: near one what it does is nearly linear.
-_THETAS = (0.7, 0.4, 0.95)
-# Starts of a hypothesis that are fitted, those that promise most.
-_TRIED = 2
-# Places where a whole joint is tried, and how many starts; slips to begin with, of the largest
-# deflection, or of a slider's own.
-_JOINT_PLACES, _GUESSES, _SLIPS, _SLIPPED = 2, 6, (0.1, 1.0), (1.0, 4.0)
-# Places where the joint found is tried again, scaled to what they do.
-_ELSEWHERE = 4
-# Pairs of suspects in which a joint may stand for one.
-_PAIRS = 2
-# Squared residual over the noise's from which on a force explains too little on its own, and how
-# many times a joint that sticks beside it has to lessen what is more than noise.
-_FAR, _FALL = 3.0, 3.0
-# Times the best cost with a short memory from which on a joint's fault is fitted no further.
-_AHEAD = 1.3
 _LIKE_A_JOINT = {"viscoelastic", "coulomb_friction", "stiffness_error"}
 
 
@@ -85,14 +67,16 @@ def with_joints_left_out(
     scope: Scope,
 ) -> list[RankedFit]:
     """A joint more, where simple forces leave something or look much like one."""
-    best = least(nominal, entries)
-    left = best.cost > MISFIT * left_by_noise(problem)
+    best, settings = least(nominal, entries), problem.settings
+    left = best.cost > settings.selection.misfit * left_by_noise(problem)
     if not left and not like_a_joint(best):
         return entries
     known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
     scope.progress("refitting joints left out")
     limits = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT)
-    found = _joints_left_out(problem, known, limits, scope, _JOINT_PLACES if left else 1)
+    found = _joints_left_out(
+        problem, known, limits, scope, settings.joint_faults.places if left else 1
+    )
     found += _rivals(problem, found, known, limits, scope)
     return _compared(shorts, entries, found, scope)
 
@@ -105,14 +89,14 @@ def with_joint_faults(
     scope: Scope,
 ) -> list[RankedFit]:
     """Of pairs either with a joint in its place; and joints that stick, where much is left."""
-    best = least(nominal, entries)
-    left = best.cost > MISFIT * left_by_noise(problem)
+    best, settings = least(nominal, entries), problem.settings
+    left = best.cost > settings.selection.misfit * left_by_noise(problem)
     pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]
     if not left and not (pairs and like_a_joint(best)):
         return entries
     scope.progress("refitting joints of other kinds")
     limits = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT)
-    found = _beside_another(problem, pairs[:_PAIRS], limits, scope)
+    found = _beside_another(problem, pairs[: settings.joint_faults.pairs], limits, scope)
     found += stuck(problem, nominal, limits, scope) if left else []
     single = explaining_too_little(problem, best, found)
     if single is not None:
@@ -124,7 +108,7 @@ def explaining_too_little(
     problem: HistoryProblem, best: HypothesisFit, found: Sequence[RankedFit]
 ) -> HypothesisFit | None:
     """The best suspect, if it is one force that leaves much, and so do all joints' faults."""
-    kinds, much = best.hypothesis.kinds, _FAR * left_by_noise(problem)
+    kinds, much = best.hypothesis.kinds, problem.settings.pairs.far * left_by_noise(problem)
     single = len(kinds) == 1 and isinstance(kinds[0], ForceKind)
     return best if single and min([best.cost, *map(cost_of, found)]) > much else None
 
@@ -138,7 +122,8 @@ def beside_stiction(
     )
     noise = left_by_noise(problem)
     pairs = stuck(problem, short, Limits(short.cost, limits.worth), scope, beside=short.start)
-    return [each for each in pairs if _FALL * (cost_of(each) - noise) < short.cost - noise]
+    fall = problem.settings.pairs.fall
+    return [each for each in pairs if fall * (cost_of(each) - noise) < short.cost - noise]
 
 
 def _compared(
@@ -147,7 +132,8 @@ def _compared(
     """What was found with a short memory among others: what is near refitted as they were."""
     everything = placed([*shorts, *found])
     sensor_faults = [e for e in everything if all(e.fitted is not short.fitted for short in shorts)]
-    near = [e for e in sensor_faults if e.fitted.cost < _AHEAD * everything[0].fitted.cost]
+    ahead = everything[0].problem.settings.joint_faults.ahead if everything else 0.0
+    near = [e for e in sensor_faults if e.fitted.cost < ahead * everything[0].fitted.cost]
     others = [e for e in sensor_faults if e not in near]
     return distinct([*entries, *others, *again(near, [], TIME_CONSTANT, scope)])
 
@@ -179,7 +165,9 @@ def stuck(
     """
     z = nominal.theta.mean(axis=0)[: problem.parameters]
     made = [
-        hypotheses.with_stiction(problem, kind, j, label, _THETAS, z, beside)
+        hypotheses.with_stiction(
+            problem, kind, j, label, problem.settings.joint_faults.thetas, z, beside
+        )
         for kind in scope.kinds
         if isinstance(kind, JointKind) and kind.name == "stiction"
         for j, label in enumerate(scope.joints)
@@ -217,8 +205,8 @@ def _rivals(
     From where its fit has ended, for springs and sliders alone tell too little of where the
     other joints are beside it: a rival that is fitted less well is no evidence.
     """
-    best = min(found, key=cost_of, default=None)
-    if best is None or cost_of(best) > _AHEAD * limits.best:
+    best, settings = min(found, key=cost_of, default=None), problem.settings.joint_faults
+    if best is None or cost_of(best) > settings.ahead * limits.best:
         return []
     by_label = {place.label: place for place in scope.places}
     (kind,), (where,) = best.fitted.hypothesis.kinds, best.fitted.hypothesis.where
@@ -234,8 +222,8 @@ def _rivals(
         ratio = here.scales.deflection / place.scales.deflection
         guess = hypotheses.JointStart(K_T * ratio**2, F_S / K_T / ratio, z[:p])
         made.append(hypotheses.with_joint(problem, kind, place, [guess]))
-    near = Limits(cost_of(best), min(limits.worth, _AHEAD * cost_of(best)))
-    return _best_of_each(made[:_ELSEWHERE], near, scope)
+    near = Limits(cost_of(best), min(limits.worth, settings.ahead * cost_of(best)))
+    return _best_of_each(made[: settings.elsewhere], near, scope)
 
 
 def _beside_another(
@@ -261,7 +249,7 @@ def without_the_other(pairs: Sequence[RankedFit], scope: Scope) -> list[RankedFi
     best = min(map(cost_of, pairs), default=math.inf)
     of_place: dict[str, RankedFit] = {}
     for pair in sorted(pairs, key=cost_of):
-        if cost_of(pair) < _AHEAD * best:
+        if cost_of(pair) < pair.problem.settings.joint_faults.ahead * best:
             of_place.setdefault(pair.fitted.hypothesis.where[0], pair)
     starts = [
         (e.problem, hypotheses.alone(e.problem, e.fitted.start, 0)) for e in of_place.values()
@@ -274,7 +262,7 @@ def without_the_other(pairs: Sequence[RankedFit], scope: Scope) -> list[RankedFi
             [start],
             SHORT_TIME_CONSTANT,
             STEPS,
-            give_up=GIVE_UP,
+            give_up=own.settings.selection.give_up,
             best=best,
             in_time=scope.in_time,
         )
@@ -296,9 +284,15 @@ def _best_of_each(
         order = sorted(range(len(starts)), key=costs.__getitem__)
         if costs[order[0]] > limits.worth:
             continue
-        chosen = [starts[i] for i in order[:_TRIED]]
+        chosen = [starts[i] for i in order[: own.settings.joint_faults.tried]]
         fits = multistart(
-            own, chosen, time_constant, STEPS, give_up=GIVE_UP, best=best, in_time=scope.in_time
+            own,
+            chosen,
+            time_constant,
+            STEPS,
+            give_up=own.settings.selection.give_up,
+            best=best,
+            in_time=scope.in_time,
         )
         best = min(best, *(each.cost for each in fits))
         found.append(RankedFit(own, min(fits, key=lambda each: each.cost)))
@@ -310,7 +304,9 @@ def _guesses(
 ) -> list[hypotheses.JointStart]:
     """What the best springs and sliders at a place say of a joint there."""
     singles = [s for s in known if s.hypothesis.where == (place.label,)]
-    return [g for s in singles for g in _guesses_of(problem, s, 0, place)][:_GUESSES]
+    return [g for s in singles for g in _guesses_of(problem, s, 0, place)][
+        : problem.settings.joint_faults.guesses
+    ]
 
 
 def _guesses_of(
@@ -324,7 +320,8 @@ def _guesses_of(
     stiffness, shape = hypothesis.physical(start.common, problem.map, slot)
     if stiffness <= 0:
         return []
-    slips = [share * place.scales.deflection for share in _SLIPS]
+    settings = problem.settings.joint_faults
+    slips = [share * place.scales.deflection for share in settings.slips]
     if kind.shape is not None and kind.shape.dimension == "length":
-        slips = [factor * shape for factor in _SLIPPED]
+        slips = [factor * shape for factor in settings.slipped]
     return [hypotheses.JointStart(stiffness, slip, start.common[:p]) for slip in slips]

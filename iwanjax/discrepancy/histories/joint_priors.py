@@ -14,9 +14,8 @@ from iwanjax.joints import AbstractJoint, ParameterInfo
 from iwanjax.types import Scalar
 
 # Deviations of the joints' parameters about the values that the model was given: of the
-# logarithm of a force, a stiffness and a ratio, and of an exponent.
-_DEVIATIONS = {"force": 0.5, "force/length": 0.1, "1": 0.6}
-_OTHERWISE, _OF_EXPONENTS = 0.5, 0.2
+# logarithm of a force (and of what else there is), a stiffness and a ratio, and of an exponent.
+_DEVIATIONS, _OF_EXPONENTS = {"force": 0.5, "force/length": 0.1, "1": 0.6}, 0.2
 # Least value of a ratio that a logarithm is taken of.
 _SMALLEST = 1e-3
 # Distance from a bound, as a share of the range, that a given value is taken to have at least.
@@ -78,10 +77,15 @@ def _origin(info: ParameterInfo, value: Scalar) -> Scalar:
     return to_variable(info.transform, value, *_bounds(info), inside=_LEAST)
 
 
+def of_logarithm(info: ParameterInfo) -> float:
+    """Prior deviation of a parameter's logarithm."""
+    return _DEVIATIONS.get(info.dimension, _DEVIATIONS["force"])
+
+
 def _deviation(info: ParameterInfo, value: Scalar) -> Scalar:
     """Prior deviation of the variable about a value that is given."""
     if info.transform == "log":
-        return _DEVIATIONS.get(info.dimension, _OTHERWISE)
+        return of_logarithm(info)
     if info.transform == "logit":
         low, high = _bounds(info)
         share = share_of(value, low, high, _LEAST)

@@ -13,11 +13,6 @@ from iwanjax.discrepancy.histories.multistart import HypothesisFit, moved
 from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.joints import Iwan4
 
-# Logarithms of the deflections at which macroslip may begin, over that of the fit: the steps
-# between them, how many before and beyond, and a step to take derivatives by.
-_STEP, _BEFORE, _BEYOND, _LITTLE = 0.4, 2, 3, 1e-3
-_FARTHER = tuple(_STEP * i for i in range(-_BEFORE, _BEYOND + 1) if i)
-
 
 class Alternative(NamedTuple):
     """A joint with the same microslip as fitted, but another macroslip.
@@ -88,15 +83,22 @@ def _by_joint(problem: HistoryProblem, fitted: HypothesisFit) -> list[list[Alter
         first += count
         if not isinstance(fit, Iwan4) or not float(joint.given.beta) > 0:  # type: ignore[attr-defined]
             continue
-        changes = {}
-        for farther in (*_FARTHER, -_LITTLE):
+        changes, little = {}, problem.settings.joint_faults.macroslip_difference
+        for farther in (*_farther(problem), -little):
             there = with_later_macroslip(joint, fit, z[own], farther)
             if there is not None:
                 changes[farther] = np.zeros(p)
                 changes[farther][own] = there - z[own]
-        slope = changes.pop(-_LITTLE) / -_LITTLE
+        slope = changes.pop(-little) / -little
         found.append(_weighed(problem, fitted, changes, slope))
     return found
+
+
+def _farther(problem: HistoryProblem) -> list[float]:
+    """Logarithms of the deflections at which macroslip may begin, over that of the fit."""
+    known = problem.settings.joint_faults
+    steps = range(-known.macroslip_before, known.macroslip_beyond + 1)
+    return [known.macroslip_step * i for i in steps if i]
 
 
 def with_later_macroslip(
@@ -148,8 +150,9 @@ def _weighed(
     odds = np.exp(np.minimum(-0.5 * (worse + prior), 0.0))
     curvature = slope @ fitted.normal[:p, :p] @ slope / unit
     # Half of the fit's own step lies before it: where that is unlikely, the fit is at the edge.
-    peak = min(1.0, math.sqrt(2.0 * math.pi / max(curvature, 1e-300)) / _STEP)
-    before = dict(zip(changes, odds, strict=True)).get(-_STEP, 0.0)
+    step = problem.settings.joint_faults.macroslip_step
+    peak = min(1.0, math.sqrt(2.0 * math.pi / max(curvature, 1e-300)) / step)
+    before = dict(zip(changes, odds, strict=True)).get(-step, 0.0)
     peak = 0.5 * (peak + min(peak, before))
     weight = odds / (peak + odds.sum())
     rows = zip(changes, changes.values(), weight.tolist(), strict=True)

@@ -29,12 +29,8 @@ from iwanjax.discrepancy.histories.ranking import (
 from iwanjax.discrepancy.nested import Nested
 from iwanjax.joints.force_law import Scales, Values
 
-# Shares of a law's own doing with which it is begun where it does what a simpler one does.
-_SHARES = (1e-1, 1e-2, 1e-3, 1e-4)
 # What a sensor has seen, for no limit of a sensor's depends on it.
 _NO_PLACE = Scales(1.0, 1.0)
-# Times the best cost from which on simpler kinds, or those that contain them, are given up.
-_GIVE_UP = 1.5
 # Of slots alone, without joints before them.
 _SLOTS = ParameterMap(0)
 
@@ -74,7 +70,7 @@ def with_nested_laws(
                 some,
                 time_constant,
                 STEPS,
-                give_up=_GIVE_UP,
+                give_up=problem.settings.selection.nested_give_up,
                 best=cost_of(entries[0]),
                 in_time=scope.in_time,
             )
@@ -172,7 +168,7 @@ def none_worse(base: RankedFit, entries: Sequence[RankedFit], scope: Scope) -> l
 def _from_within(entry: RankedFit, known: Sequence[RankedFit], scope: Scope) -> RankedFit:
     """An entry from the end of the best that it contains, if that is better than its own."""
     time_constant = known[0].fitted.time_constant
-    once = 1.0 + tolerance_of(time_constant)
+    once = 1.0 + tolerance_of(known[0].problem, time_constant)
     for simpler in sorted(known, key=cost_of):
         if once * cost_of(simpler) >= cost_of(entry) or not scope.in_time():
             break
@@ -188,7 +184,14 @@ def _from_within(entry: RankedFit, known: Sequence[RankedFit], scope: Scope) -> 
             break
         scope.progress(f"refitting {entry.fitted.hypothesis.label} from what it contains")
         own, start = starts[best]
-        (fitted,) = refitted(own, [start], time_constant, min(map(cost_of, known)), scope, _GIVE_UP)
+        (fitted,) = refitted(
+            own,
+            [start],
+            time_constant,
+            min(map(cost_of, known)),
+            scope,
+            own.settings.selection.nested_give_up,
+        )
         return distinct([entry, replace(entry, problem=own, fitted=fitted)])[0]
     return entry
 
@@ -223,7 +226,8 @@ def widened(
     held = holding(entry.fitted.hypothesis, simpler.fitted.hypothesis)
     if held is None:
         return []
-    made = (_start(entry, simpler, held, share, scope, base) for share in _SHARES)
+    shares = base.settings.selection.nested_shares
+    made = (_start(entry, simpler, held, share, scope, base) for share in shares)
     return [each for each in made if each is not None]
 
 

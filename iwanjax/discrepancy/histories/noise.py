@@ -4,22 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from iwanjax.discrepancy.histories.recordings import ENOUGH, SPOILT, StudyRecording, before_force
+from iwanjax.discrepancy.histories.recordings import StudyRecording, before_force
+from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
 from iwanjax.signals.comparison_band import END
 
-# Segments of a spectrum that noise is told by, samples; bands up to the highest frequency that is
-# compared, at most, and values that each is the mean of, at least: a variance is then known to
-# sqrt(2/50) = 20 %, and the least of 20 up to 40 % too small. Twice as many bands
-# change nothing of Silverbox's multisine, half as many make its noise 5.9 times as large: its
-# force ends just below the last band.
-_SEGMENT, _BANDS, _VALUES = 1024, 20, 50
 
-# Largest over smallest variance of a sensor's noise, beyond which its recordings differ: with five
-# of 20 samples each one in a hundred does by chance (Hartley's test).
-_OTHER_NOISE = 4.6
-
-
-def common_noise(recordings: Sequence[StudyRecording]) -> np.ndarray:
+def common_noise(
+    recordings: Sequence[StudyRecording], settings: ConditioningSettings = CONDITIONING
+) -> np.ndarray:
     """Standard deviation of each sensor's noise over all recordings, held-out ones as well.
 
     Some dozens of samples before a trigger leave a deviation open by a tenth, and with it how
@@ -29,6 +21,8 @@ def common_noise(recordings: Sequence[StudyRecording]) -> np.ndarray:
     ----------
     recordings : sequence of StudyRecording
         All with the same sensors.
+    settings : ConditioningSettings
+        Of the stage.
 
     Returns
     -------
@@ -36,16 +30,16 @@ def common_noise(recordings: Sequence[StudyRecording]) -> np.ndarray:
         NaN where nothing was measured before a force, or recordings differ: a range that was
         switched between them.
     """
-    quiet = [each.quiet for each in recordings if len(each.quiet) >= ENOUGH]
+    quiet = [each.quiet for each in recordings if len(each.quiet) >= settings.enough]
     if not quiet:
         return np.full(recordings[0].response.shape[1], np.nan)
     variances = np.stack([np.var(each, axis=0, ddof=1) for each in quiet])
     freedoms = np.array([len(each) - 1.0 for each in quiet])
-    alike = variances.max(axis=0) < _OTHER_NOISE * variances.min(axis=0)
+    alike = variances.max(axis=0) < settings.other_noise * variances.min(axis=0)
     return np.where(alike, np.sqrt(freedoms @ variances / freedoms.sum()), np.nan)
 
 
-def quietest(response: np.ndarray) -> np.ndarray:
+def quietest(response: np.ndarray, settings: ConditioningSettings = CONDITIONING) -> np.ndarray:
     r"""Noise of sensors that are never at rest, by where the structure moves them least.
 
     .. math:: \sigma^2 = \tfrac{1}{2} f_s \min_B S_B
@@ -56,18 +50,22 @@ def quietest(response: np.ndarray) -> np.ndarray:
     """
     from scipy.signal import welch
 
-    f, density = welch(response, nperseg=min(_SEGMENT, len(response)), axis=0)
-    count = min(_BANDS, max(1, int(2.0 * END * len(response)) // _VALUES))
+    f, density = welch(response, nperseg=min(settings.segment, len(response)), axis=0)
+    values = int(2.0 * END * len(response))
+    count = min(settings.noise_bands, max(1, values // settings.noise_values))
     which = np.floor(f * count / END).astype(int)
     found = [np.mean(density[which == band], axis=0) for band in range(count)]
     return np.sqrt(0.5 * np.min(found, axis=0))
 
 
-def noise_of(response: np.ndarray, first: int) -> np.ndarray:
+def noise_of(
+    response: np.ndarray, first: int, settings: ConditioningSettings = CONDITIONING
+) -> np.ndarray:
     """Of the sensors before the first force; else of third differences at the end."""
-    before = before_force(response, first)
-    if len(before) >= ENOUGH:
+    before = before_force(response, first, settings)
+    if len(before) >= settings.enough:
         return np.std(before, axis=0, ddof=1)
-    tail = response[-max(len(response) // 8, ENOUGH + SPOILT) : -SPOILT]
+    least = settings.enough + settings.spoilt
+    tail = response[-max(len(response) // 8, least) : -settings.spoilt]
     # Third differences of white noise have twenty times its variance.
     return np.std(np.diff(tail, 3, axis=0), axis=0) / np.sqrt(20.0)

@@ -5,17 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.findings import CLEAR, LEVELS, Observable
+from iwanjax.discrepancy.findings import Observable
 from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.discrepancy.histories.validation import FreeRun
+from iwanjax.discrepancy.history_settings import IllustrationSettings
+from iwanjax.discrepancy.settings import settings
 from iwanjax.errors import InputError
 from iwanjax.signals import ringdown_curves
-
-# Half width of a mode's band over its frequency, at most; and the share of the distance to the
-# next mode that it may take.
-_HALF, _SHARE = 0.2, 0.4
-# The highest mode that is looked at, over the sampling rate.
-_HIGHEST = 0.3
 
 
 def observables(
@@ -37,7 +33,7 @@ def observables(
     released : mapping of str to int
         By recording, the sample from which on no force acts any more.
     """
-    predictor = problem.predictor
+    predictor, known = problem.predictor, problem.settings.illustration
     frequency = np.sqrt(np.maximum(np.asarray(predictor.omega2), 0.0)) / (2.0 * np.pi)
     shapes = np.abs(np.asarray(predictor.sensors))
     elastic = [i for i, f in enumerate(frequency) if f > 0]
@@ -47,8 +43,8 @@ def observables(
         measured = run.measured[i][free]
         predicted = measured - run.error[i][free]
         for number, mode in enumerate(elastic):
-            band = _band(frequency[elastic], number)
-            if band[1] > _HIGHEST * sampling_rate:
+            band = _band(frequency[elastic], number, known)
+            if band[1] > known.highest * sampling_rate:
                 break
             channel = int(np.argmax(shapes[:, mode]))
             quiet = np.all(measured == 0, axis=1)
@@ -58,15 +54,15 @@ def observables(
             ]
             if both[0] is not None and both[1] is not None:
                 called = f"mode {number} ({frequency[mode]:.4g} Hz)"
-                found += _differences(name, number, called, both[0], both[1])
+                found += _differences(name, number, called, both[0], both[1], known.levels)
     return tuple(sorted(found, key=lambda each: -abs(each.difference_percent)))
 
 
-def _band(frequency: np.ndarray, number: int) -> tuple[float, float]:
+def _band(frequency: np.ndarray, number: int, known: IllustrationSettings) -> tuple[float, float]:
     """About one mode, short of its neighbours."""
     f = frequency[number]
     gaps = [abs(other - f) for i, other in enumerate(frequency) if i != number]
-    half = min([_HALF * f, *(_SHARE * gap for gap in gaps)])
+    half = min([known.band * f, *(known.band_share * gap for gap in gaps)])
     return float(f - half), float(f + half)
 
 
@@ -80,13 +76,13 @@ def _curves(
 
 
 def _differences(
-    name: str, mode: int, called: str, measured: ModalCurves, predicted: ModalCurves
+    name: str, mode: int, called: str, measured: ModalCurves, predicted: ModalCurves, count: int
 ) -> Sequence[Observable]:
     a, b = (np.asarray(x.amplitude) for x in (measured, predicted))
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     if not low < high:
         return []
-    levels = np.geomspace(low, high, LEVELS)
+    levels = np.geomspace(low, high, count)
     found = []
     for quantity in ("frequency", "damping"):
         values, stds = [], []
@@ -98,7 +94,7 @@ def _differences(
             spread = np.zeros_like(value) if std is None else np.asarray(std)[order]
             stds.append(np.interp(levels, x[order], spread))
         off = values[1] - values[0]
-        if np.median(np.abs(off) / np.hypot(*stds).clip(1e-300)) > CLEAR:
+        if np.median(np.abs(off) / np.hypot(*stds).clip(1e-300)) > settings().judgement.clear:
             percent = 100.0 * float(np.median(off / values[0]))
             span = (float(low), float(high))
             found.append(Observable(name, mode, quantity, span, percent, called))

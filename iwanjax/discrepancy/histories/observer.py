@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from iwanjax.discrepancy.histories.predictor import Predictor
+from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
 
-# Exponents of ten between which the size of the process noise is looked for.
-_SIZES = (-14.0, 14.0)
-_ROUNDS = 40
+# Exponents of ten between which the size of the process noise is looked for, and bisections.
+_SIZES, _ROUNDS = (-14.0, 14.0), 40
 # Doublings of the horizon until the equation's solution stands still.
 _DOUBLINGS, _STILL = 60, 1e-10
 
@@ -112,14 +112,11 @@ def process_noise(step: np.ndarray, H: np.ndarray, dt: float, time_constant: flo
     return 10.0 ** (0.5 * (low + high))
 
 
-# Memory of the observer that looks back, cycles, and cycles of the slowest mode that it sees.
-_TIME_CONSTANT_BACK, _SEEN = 1.0, 6.0
-# Share of its amplitude that each mode's state may be off by, and of the fastest one's rate.
-_OFF, _LEAST = 0.3, 0.02
-
-
 def released(
-    made: Predictor, response: Float[np.ndarray, "N sensors"], noise: Float[np.ndarray, " sensors"]
+    made: Predictor,
+    response: Float[np.ndarray, "N sensors"],
+    noise: Float[np.ndarray, " sensors"],
+    settings: ConditioningSettings = CONDITIONING,
 ) -> tuple[np.ndarray, np.ndarray]:
     """State at the first sample, and by how much it may be off.
 
@@ -134,6 +131,8 @@ def released(
         From when nothing touches the structure any more.
     noise : (sensors,) array
         Deviations.
+    settings : ConditioningSettings
+        Of the stage.
 
     Returns
     -------
@@ -143,15 +142,16 @@ def released(
     dt = float(made.dt) * made.substeps
     A, H = made.linear(np.asarray(made.stiffness), made.blank(), np.zeros(1))
     back = stepped(-A, dt)
-    size = process_noise(back, H / noise[:, None], dt, _TIME_CONSTANT_BACK)
+    size = process_noise(back, H / noise[:, None], dt, settings.back_time_constant)
     gain = observer_gain(back, H / noise[:, None], dt, size) / noise
     omega = np.sqrt(np.maximum(np.asarray(made.omega2), 1.0))
-    count = min(len(response), int(_SEEN * 2.0 * np.pi / (omega.min() * dt)) + 1)
+    count = min(len(response), int(settings.back_cycles * 2.0 * np.pi / (omega.min() * dt)) + 1)
     z = np.zeros(len(A))
     for y in response[count - 1 :: -1]:
         z = back @ z
         z = z + gain @ (y - H @ z)
     q, v = np.split(z, 2)
     amplitude = np.hypot(q, v / omega)
-    off = np.maximum(_OFF * amplitude, _LEAST * np.max(amplitude * omega) / omega)
+    least = settings.least_state_error * np.max(amplitude * omega) / omega
+    off = np.maximum(settings.state_error * amplitude, least)
     return z, np.diag(np.concatenate([off, off * omega]))

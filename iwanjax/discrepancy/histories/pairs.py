@@ -7,8 +7,6 @@ from iwanjax.discrepancy.histories.likelihood import Evidence, evidence, left_by
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start, Variant
 from iwanjax.discrepancy.histories.ranking import (
-    GIVE_UP,
-    MISFIT,
     STEPS,
     TIME_CONSTANT,
     RankedFit,
@@ -17,17 +15,6 @@ from iwanjax.discrepancy.histories.ranking import (
     scored,
 )
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
-
-# Suspects that are tried beside the first, and pairs that are fitted with a longer memory.
-_SECONDS, _PARTNERS = 6, 3
-# How many times a second suspect has to lessen what is more than noise leaves, and by how much
-# evidence.
-_FALL, _SECOND_GAIN = 3.0, 15.0
-# Times that a second is looked for.
-_ROUNDS = 2
-# Squared residual over the noise's from which on pairs explain too little, and times the best
-# suspect's until which another is worth a second beside it then.
-_FAR, _AS_GOOD = 3.0, 2.0
 
 
 def doubled(problem: HistoryProblem, entries: list[RankedFit], scope: Scope) -> list[RankedFit]:
@@ -50,7 +37,7 @@ def doubled(problem: HistoryProblem, entries: list[RankedFit], scope: Scope) -> 
     found = entries
     for first in _firsts(problem, entries):
         found = _grown(problem, first, found, scope)
-        if least(first, found).cost < _FAR * left_by_noise(problem):
+        if least(first, found).cost < problem.settings.pairs.far * left_by_noise(problem):
             break
     return found
 
@@ -60,6 +47,7 @@ def _firsts(problem: HistoryProblem, entries: Sequence[RankedFit]) -> list[Hypot
     first = entries[0]
     if first.problem is not problem or first.fitted.hypothesis.drifting is not None:
         return []
+    as_good = problem.settings.pairs.as_good
     elsewhere = [
         e.fitted
         for e in entries
@@ -67,7 +55,7 @@ def _firsts(problem: HistoryProblem, entries: Sequence[RankedFit]) -> list[Hypot
         and e.fitted.time_constant == first.fitted.time_constant
         and e.fitted.hypothesis.drifting is None
         and e.fitted.hypothesis.where != first.fitted.hypothesis.where
-        and e.fitted.cost < _AS_GOOD * first.fitted.cost
+        and e.fitted.cost < as_good * first.fitted.cost
     ]
     return [first.fitted, *elsewhere[:1]]
 
@@ -76,7 +64,7 @@ def _grown(
     problem: HistoryProblem, first: HypothesisFit, entries: list[RankedFit], scope: Scope
 ) -> list[RankedFit]:
     """Entries after pairs with one of them, or after what turned out to do alone."""
-    for _ in range(_ROUNDS):
+    for _ in range(problem.settings.pairs.rounds):
         pairs, enough = partners_of(problem, first, scope)
         if not enough:
             return [RankedFit(problem, each) for each in pairs] + entries
@@ -93,22 +81,23 @@ def partners_of(
     if not scope.in_time():
         return [], []
     noise, table = left_by_noise(problem), evidence(problem, [first])
+    known, own = problem.settings.selection, problem.settings.pairs
     # No second suspect takes more than what exceeds the noise.
-    if (1.0 - noise / first.cost) * table.worth(first) < _margin(table, first):
+    if (1.0 - noise / first.cost) * table.worth(first) < _margin(problem, table, first):
         return [], []
     scope.progress(f"looking for more beside {first.hypothesis.label}")
     candidates = scored(problem, first, scope)
     promise = candidates[0].drop * table.worth(first) if candidates else 0.0
-    if first.cost < MISFIT * noise and promise < _margin(table, first):
+    if first.cost < known.misfit * noise and promise < _margin(problem, table, first):
         return [], []
-    starts = [c.start for c in candidates[:_SECONDS]]
+    starts = [c.start for c in candidates[: own.seconds]]
     pairs = multistart(
-        problem, starts, SHORT_TIME_CONSTANT, STEPS, at_most=_PARTNERS, in_time=scope.in_time
+        problem, starts, SHORT_TIME_CONSTANT, STEPS, at_most=own.partners, in_time=scope.in_time
     )
     pairs.sort(key=lambda each: each.cost)
     pairs = multistart(
         problem,
-        [each.start for each in pairs[:_PARTNERS]],
+        [each.start for each in pairs[: own.partners]],
         TIME_CONSTANT,
         STEPS,
         in_time=scope.in_time,
@@ -117,17 +106,17 @@ def partners_of(
         return [], []
     best = min(pairs, key=lambda each: each.cost)
     before, after = (each.cost - noise for each in (first, best))
-    if _FALL * after > before or _enough(problem, best, [first]):
+    if own.fall * after > before or _enough(problem, best, [first]):
         return [], []
     # The second may do all alone: the first was then what looked like it before.
     singles = _singles(problem, best, scope)
-    if best.cost > MISFIT * noise:
+    if best.cost > known.misfit * noise:
         pairs = [*_repaired(problem, best, singles, scope), *pairs]
         better = min(pairs, key=lambda each: each.cost)
         if better is not best:
             best, singles = better, _singles(problem, better, scope)
     near = {e.hypothesis.variant: e for e in sorted(pairs, key=lambda each: -each.cost)}
-    near = [each for each in near.values() if each.cost < GIVE_UP * best.cost]
+    near = [each for each in near.values() if each.cost < known.give_up * best.cost]
     return near, _enough(problem, best, singles)
 
 
@@ -139,7 +128,7 @@ def _singles(problem: HistoryProblem, pair: HypothesisFit, scope: Scope) -> list
         starts,
         TIME_CONSTANT,
         STEPS,
-        give_up=GIVE_UP,
+        give_up=problem.settings.selection.give_up,
         best=pair.cost,
         in_time=scope.in_time,
     )
@@ -150,25 +139,26 @@ def _repaired(
 ) -> list[HypothesisFit]:
     """Other partners for either of a pair: the first was chosen when the second was not known."""
     starts: dict[Variant, Start] = {}
+    partners = problem.settings.pairs.partners
     for kept, single in enumerate(singles):
         place = pair.hypothesis.where[1 - kept]
         candidates = scored(problem, single, scope)
         near = [c for c in candidates if c.start.hypothesis.where[-1] == place]
-        for c in [*candidates[:_PARTNERS], *near[:_PARTNERS]]:
+        for c in [*candidates[:partners], *near[:partners]]:
             starts.setdefault(c.start.hypothesis.variant, c.start)
     found = multistart(
         problem,
         list(starts.values()),
         SHORT_TIME_CONSTANT,
         STEPS,
-        give_up=GIVE_UP,
-        at_most=_PARTNERS,
+        give_up=problem.settings.selection.give_up,
+        at_most=partners,
         in_time=scope.in_time,
     )
     found.sort(key=lambda each: each.cost)
     return multistart(
         problem,
-        [each.start for each in found[:_PARTNERS]],
+        [each.start for each in found[:partners]],
         TIME_CONSTANT,
         STEPS,
         in_time=scope.in_time,
@@ -180,11 +170,11 @@ def _enough(
 ) -> list[HypothesisFit]:
     """Single suspects that explain as much as a pair, the best first."""
     table = evidence(problem, [pair, *singles])
-    margin = _margin(table, pair)
+    margin = _margin(problem, table, pair)
     ordered = sorted(zip(table.values[1:], singles, strict=True), key=lambda each: -each[0])
     return [each for value, each in ordered if table.values[0] - value < margin]
 
 
-def _margin(table: Evidence, pair: HypothesisFit) -> float:
+def _margin(problem: HistoryProblem, table: Evidence, pair: HypothesisFit) -> float:
     """Evidence that a second suspect needs: the model's own errors are worth a part of the rest."""
-    return _SECOND_GAIN + MODEL_ERROR_ALLOWANCE * table.worth(pair)
+    return problem.settings.pairs.second_gain + MODEL_ERROR_ALLOWANCE * table.worth(pair)

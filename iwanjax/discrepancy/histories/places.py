@@ -9,9 +9,6 @@ from iwanjax.discrepancy.histories.observer import observer_gain, process_noise,
 from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.joints import Scales
 
-# Memory of the observer, cycles: the data, not the model, say what happened.
-_TIME_CONSTANT_BACK = 1.0
-
 
 class Followed(NamedTuple):
     """States that follow the recordings.
@@ -36,7 +33,8 @@ def followed(problem: HistoryProblem) -> Followed:
     A, H = problem.rest()
     dt = float(predictor.dt) * predictor.substeps
     step, scaled = stepped(A, dt), H / problem.noise[:, None]
-    gain = observer_gain(step, scaled, dt, process_noise(step, scaled, dt, _TIME_CONSTANT_BACK))
+    time_constant = problem.settings.conditioning.back_time_constant
+    gain = observer_gain(step, scaled, dt, process_noise(step, scaled, dt, time_constant))
     gain = gain / problem.noise
     kept, substeps = predictor.kept, predictor.substeps
     short = stepped(A, float(predictor.dt))

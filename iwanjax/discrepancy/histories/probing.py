@@ -15,7 +15,6 @@ from iwanjax.discrepancy.histories.multistart import (
 from iwanjax.discrepancy.histories.places import Place
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start, Variant
 from iwanjax.discrepancy.histories.ranking import (
-    GIVE_UP,
     STEPS,
     TIME_CONSTANT,
     RankedFit,
@@ -24,10 +23,6 @@ from iwanjax.discrepancy.histories.ranking import (
 )
 from iwanjax.discrepancy.histories.score_test import Candidate
 from iwanjax.estimation.multistart import alike
-
-# Places that are probed; largest forces as shares of what would hold the place there; suspects
-# that are refitted, and those of them with a longer memory.
-_PLACES, _SHARES, _REFITTED, _KEPT = 2, (0.03, 0.3, 3.0, 30.0), 4, 2
 
 
 def probed(
@@ -58,9 +53,10 @@ def probed(
     list of Entry
         The same and what was found, the best first.
     """
+    settings, give_up = problem.settings.probing, problem.settings.selection.give_up
     named = {place.label: place for place in scope.places}
     labels = pointed_at(shorts, entries, candidates)
-    places = [named[label] for label in labels if label in named][:_PLACES]
+    places = [named[label] for label in labels if label in named][: settings.places]
     if not places or not scope.in_time():
         return entries
     scope.progress("probing forces of any size")
@@ -78,15 +74,15 @@ def probed(
     best: dict[Variant, Start] = {}
     for i in np.argsort(cost):
         best.setdefault(starts[i].hypothesis.variant, starts[i])
-    some = list(best.values())[:_REFITTED]
+    some = list(best.values())[: settings.refitted]
     fits = multistart(
-        problem, some, SHORT_TIME_CONSTANT, STEPS, give_up=GIVE_UP, in_time=scope.in_time
+        problem, some, SHORT_TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
     )
     fits.sort(key=lambda each: each.cost)
-    new = [each.start for each in fits[:_KEPT] if not _known(each, shorts)]
+    new = [each.start for each in fits[: settings.kept] if not _known(each, shorts)]
     known = {entry.fitted.hypothesis.variant: entry for entry in entries}
     for each in multistart(
-        problem, new, TIME_CONSTANT, STEPS, give_up=GIVE_UP, in_time=scope.in_time
+        problem, new, TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
     ):
         rival = known.get(each.hypothesis.variant)
         if (
@@ -129,5 +125,5 @@ def _sizes(
     if not (0.0 < largest < np.inf and flexibility > 0.0):
         return []
     whole = place.scales.deflection / flexibility
-    sizes = [share * whole / largest for share in _SHARES]
+    sizes = [share * whole / largest for share in problem.settings.probing.shares]
     return sizes if kind.positive else [*sizes, *(-size for size in sizes)]

@@ -15,9 +15,12 @@ from iwanjax.discrepancy.histories.joint_priors import Joint, tangents
 from iwanjax.discrepancy.histories.observer import observer_gain, process_noise, stepped
 from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects
+from iwanjax.discrepancy.history_settings import HISTORIES, HistorySettings
 
-# Rows of one call for the joints' tangents, and the step of a gain's derivatives.
-_ROWS, _NEAR = 64, 1e-4
+DIFFERENCE = 1e-4
+"""Change of a parameter, in deviations of its prior, by which derivatives are taken."""
+# Members of a batch whose size compiled kernels are made for.
+_BATCH = 64
 # Largest logarithm whose exponential is a number.
 _LARGEST = 700.0
 # What drifts in a joint.
@@ -115,6 +118,8 @@ class HistoryProblem:
         Deviations.
     order : tuple of int
         Places of the recordings in the study, by which a joint's drift is told.
+    settings : HistorySettings
+        Tuned numbers of all stages.
     compiled : set of (str, int, int)
         Kernels that there are already, for how many slots and samples.
     """
@@ -124,6 +129,7 @@ class HistoryProblem:
     data: Data
     noise: np.ndarray
     order: tuple[int, ...]
+    settings: HistorySettings = field(default=HISTORIES, repr=False)
     compiled: set[tuple[str, int, int]] = field(default_factory=set, repr=False)
     _process: dict[float, float] = field(default_factory=dict, repr=False)
 
@@ -203,7 +209,7 @@ class HistoryProblem:
         gains = observer_gain(stepped(A, dt), H / self.noise[:, None], dt, size) / self.noise
         found.gain[:] = gains[:batch]
         for (member, value), gain in zip(owners, gains[batch:], strict=True):
-            found.slope[member, value] = (gain - gains[member]) / _NEAR
+            found.slope[member, value] = (gain - gains[member]) / DIFFERENCE
         return found
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
@@ -220,9 +226,9 @@ class HistoryProblem:
         """State matrices and what the sensors see, one for each row of values."""
         p = self.parameters
         stiffness = []
-        for first in range(0, len(theta), _ROWS):
-            part = theta[first : first + _ROWS, :p]
-            padded = np.vstack([part, np.zeros((_ROWS - len(part), p))])
+        for first in range(0, len(theta), _BATCH):
+            part = theta[first : first + _BATCH, :p]
+            padded = np.vstack([part, np.zeros((_BATCH - len(part), p))])
             stiffness.append(np.asarray(tangents(self.joints, jax.device_put(padded)))[: len(part)])
         found = []
         for own, row, k in zip(suspects, theta, np.concatenate(stiffness), strict=True):
@@ -267,7 +273,7 @@ def _neighbours(
         )
         for value in [*stiff, *(i for i, on in zip(sizes, active, strict=True) if on)]:
             beside = theta[member].copy()
-            beside[value] += _NEAR
+            beside[value] += DIFFERENCE
             rows.append(beside)
             owners.append((member, value))
     return np.array(rows).reshape(-1, theta.shape[1]), owners

@@ -19,18 +19,6 @@ TIME_CONSTANT = 8.0
 """Memory of the observer, in cycles, from which on fits are compared with one another."""
 STEPS = 12
 """Steps of a search."""
-GIVE_UP = 10.0
-"""Times the best cost from which on a search is given up."""
-MISFIT = 1.2
-"""Squared residual over the noise's from which on a suspect is not all there is."""
-LEAST_PROMISE = 3.0
-"""Evidence that a screening has to promise before a suspect is refitted."""
-
-# Steps of a polish, the relative gain that ends it, and times the best cost from which on it is
-# given up: what is left needs no last digit.
-_POLISH, _FINE, _HOPELESS = 15, 1e-4, 30.0
-# Times that a search may take its steps again.
-_MORE = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +77,7 @@ def settled(problem: HistoryProblem, fitted: HypothesisFit, scope: Scope) -> Hyp
 
     What a search leaves that crept along a valley looks as if something were missing.
     """
-    for _ in range(_MORE):
+    for _ in range(problem.settings.selection.repeats):
         if fitted.converged or not scope.in_time():
             break
         (fitted,) = multistart(
@@ -131,9 +119,11 @@ def distinct(entries: Sequence[RankedFit]) -> list[RankedFit]:
     return sorted(found.values(), key=cost_of)
 
 
-def tolerance_of(time_constant: float) -> float:
+def tolerance_of(problem: HistoryProblem, time_constant: float) -> float:
     """Relative gain below which a search with this memory ends, and costs are the same."""
-    return _FINE if time_constant > TIME_CONSTANT else SEARCH.host_tolerance
+    return (
+        problem.settings.selection.fine if time_constant > TIME_CONSTANT else SEARCH.host_tolerance
+    )
 
 
 def refitted(
@@ -142,16 +132,17 @@ def refitted(
     time_constant: float,
     best: float,
     scope: Scope,
-    give_up: float = _HOPELESS,
+    give_up: float | None = None,
 ) -> list[HypothesisFit]:
     """Fits with a memory that costs are compared at, given up far from the best one."""
+    known = problem.settings.selection
     return multistart(
         problem,
         starts,
         time_constant,
-        _POLISH if time_constant > TIME_CONSTANT else STEPS,
-        tolerance=tolerance_of(time_constant),
-        give_up=give_up,
+        known.polish if time_constant > TIME_CONSTANT else STEPS,
+        tolerance=tolerance_of(problem, time_constant),
+        give_up=give_up or known.polish_give_up,
         best=best,
         in_time=scope.in_time,
     )
@@ -180,27 +171,20 @@ def again(
     return [*sorted(found, key=cost_of), *others]
 
 
-# Squared residual of a kind over that of its limit from which on it does not explain as much.
-_AS_MUCH = 1.02
-# Entries that are fitted to the free run, by evidence with and without what limits are granted;
-# and how far behind without it they may be to change places there: a longer memory finds errors
-# of the model's own, not other evidence of that size.
-_FINALISTS, _BEST_FITS, _HOPE = 3, 2, 100.0
-# Squared residual over the number of values that noise and the model-error allowance leave.
-_NOISE = 1.0
-
-
 def finalists(base: RankedFit, entries: Sequence[RankedFit]) -> list[RankedFit]:
     """The best by evidence, and those that fit best whatever else speaks against them.
 
     Rivals that are far behind stay where they are. Between a kind and its limit the free run
     decides as well: with a short memory they may differ by less than the model's own errors.
     """
+    known = base.problem.settings.selection
     same = [e for e in entries if e.fitted.time_constant == base.fitted.time_constant]
     values = evidence(base.problem, [e.fitted for e in same]).values
     order = [same[i] for i in np.argsort(-values, kind="stable")]
-    hopeful = [e for e, value in zip(same, values, strict=True) if value > values.max() - _HOPE]
-    chosen = dict.fromkeys([*entries[:_FINALISTS], *order[:_BEST_FITS]])
+    hopeful = [
+        e for e, value in zip(same, values, strict=True) if value > values.max() - known.hope
+    ]
+    chosen = dict.fromkeys([*entries[: known.finalists], *order[: known.best_fits]])
     return [e for e in chosen if e is entries[0] or e in hopeful]
 
 
@@ -213,8 +197,8 @@ def ranked(base: RankedFit, entries: Sequence[RankedFit]) -> tuple[RankedFit, li
     values = _granted(base, same, table)
     # Rivals are told apart by what the best of them leaves, its own errors included. That nothing
     # is missing is held against the noise: a poor fit is no reason to ask for more evidence.
-    noise = table.at(base.problem, [base.fitted, *(e.fitted for e in same)], _NOISE)
-    strict = _granted(base, same, noise) if table.temperature > _NOISE else values
+    noise = table.at(base.problem, [base.fitted, *(e.fitted for e in same)], 1.0)
+    strict = _granted(base, same, noise) if table.temperature > 1.0 else values
     gain = float(strict[1:].max() - strict[0]) if same else 0.0
     behind = values[1:] - values[1:].max() + min(gain, 0.0) if same else values[1:]
     first = [replace(e, behind=float(b)) for e, b in zip(same, behind, strict=True)]
@@ -269,7 +253,7 @@ def containing(best: RankedFit, entries: Sequence[RankedFit]) -> tuple[tuple[str
         for e in entries
         if parts in _simpler(e)
         and e.fitted.time_constant == best.fitted.time_constant
-        and e.fitted.cost < _AS_MUCH * best.fitted.cost
+        and e.fitted.cost < (1.0 + best.problem.settings.selection.as_much) * best.fitted.cost
         for limit, whole in zip(parts - _parts(e), _parts(e) - parts, strict=True)
     )
 

@@ -6,16 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-# A pulse reaches as far as a force exceeds so many deviations of its noise, or this share of
-# its peak, and some samples beyond; a burst of fewer samples is noise.
-_ABOVE_NOISE, _ABOVE_PEAK, BESIDE, _FEWEST = 6.0, 1e-3, 3, 2
-
-# A force whose last quarter scatters by this share of its peak never ends: it is taken as it is.
-_ALWAYS = 0.05
-
-# Samples before the first force that a sensor's noise is measured on, and those beside it that
-# a sensor's own filter may spoil.
-ENOUGH, SPOILT = 20, 8
+from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +70,13 @@ class CleanForce:
     endless: bool
 
 
-def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = BESIDE) -> CleanForce:
+def cleaned(
+    force: Float[np.ndarray, "N inputs"],
+    beside: int | None = None,
+    settings: ConditioningSettings = CONDITIONING,
+) -> CleanForce:
     """Forces without the noise beyond so many samples beside their pulses."""
+    beside = settings.beside if beside is None else beside
     clean, noise = np.zeros_like(force), np.zeros(force.shape[1])
     first, last, endless = len(force), 0, False
     for i, column in enumerate(force.T):
@@ -89,13 +85,13 @@ def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = BESIDE) -> Clean
             continue
         tail = column[-(len(column) // 4) :]
         noise[i] = 1.4826 * np.median(np.abs(tail - np.median(tail)))
-        acts = np.abs(column) > max(_ABOVE_NOISE * noise[i], _ABOVE_PEAK * peak)
-        acts[:1] = acts[-SPOILT:] = False
-        for start, end in _runs(acts):
+        acts = np.abs(column) > max(settings.pulse_noise * noise[i], settings.pulse_peak * peak)
+        acts[:1] = acts[-settings.spoilt :] = False
+        for start, end in _runs(acts, settings.fewest):
             part = slice(max(0, start - beside), end + beside)
             clean[part, i] = column[part]
             first, last = min(first, start), max(last, end + beside)
-        if noise[i] > _ALWAYS * peak:
+        if noise[i] > settings.endless * peak:
             # No silence to measure the noise in: a shaker, not a hammer.
             clean[:, i], noise[i], endless = column, 0.0, True
     if endless:
@@ -103,13 +99,16 @@ def cleaned(force: Float[np.ndarray, "N inputs"], beside: int = BESIDE) -> Clean
     return CleanForce(clean, min(first, len(force) - 1), min(last, len(force) - 1), noise, endless)
 
 
-def _runs(acts: np.ndarray) -> list[tuple[int, int]]:
+def _runs(acts: np.ndarray, fewest: int) -> list[tuple[int, int]]:
     """First samples of the pulses, and those after their last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], acts.astype(int), [0]])))
     pairs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-    return [(a, b) for a, b in pairs if b - a >= _FEWEST]
+    return [(a, b) for a, b in pairs if b - a >= fewest]
 
 
-def before_force(response: np.ndarray, first: int) -> np.ndarray:
+def before_force(
+    response: np.ndarray, first: int, settings: ConditioningSettings = CONDITIONING
+) -> np.ndarray:
     """Samples that nothing moves in yet."""
-    return response[SPOILT : max(SPOILT, first - SPOILT)].astype(float)
+    spoilt = settings.spoilt
+    return response[spoilt : max(spoilt, first - spoilt)].astype(float)

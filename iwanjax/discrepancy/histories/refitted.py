@@ -9,10 +9,7 @@ from iwanjax.discrepancy.findings import Estimate, Refitted
 from iwanjax.discrepancy.histories.joint_priors import joints_of
 from iwanjax.discrepancy.histories.likelihood import covariance
 from iwanjax.discrepancy.histories.multistart import HypothesisFit
-from iwanjax.discrepancy.histories.problem import HistoryProblem
-
-# Step of z by which a parameter's derivative is told.
-_STEP = 1e-4
+from iwanjax.discrepancy.histories.problem import DIFFERENCE, HistoryProblem
 
 
 def joints_refitted(
@@ -39,12 +36,12 @@ def joints_refitted(
     known = np.sqrt(np.maximum(np.diag(covariance(problem, fitted))[:p], 0.0))
     joints, found, first = joints_of(problem.joints, jax.device_put(z)), [], 0
     # Two evaluations for each parameter give its slope.
-    beside = [joints_of(problem.joints, jax.device_put(z + _STEP * e)) for e in np.eye(p)]
+    beside = [joints_of(problem.joints, jax.device_put(z + DIFFERENCE * e)) for e in np.eye(p)]
     for i, (name, joint) in enumerate(zip(ordered(problem, fitted, labels), joints, strict=True)):
         rows = []
         for info in problem.joints[i].given.parameters:
             value = float(getattr(joint, info.name))
-            slope = (float(getattr(beside[first][i], info.name)) - value) / _STEP
+            slope = (float(getattr(beside[first][i], info.name)) - value) / DIFFERENCE
             rows.append(Estimate(info, value, abs(slope) * float(known[first])))
             first += 1
         found.append(Refitted(name, tuple(rows)))

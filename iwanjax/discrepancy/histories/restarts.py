@@ -14,8 +14,6 @@ from iwanjax.discrepancy.histories.multistart import (
 )
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.ranking import (
-    GIVE_UP,
-    MISFIT,
     STEPS,
     TIME_CONSTANT,
     RankedFit,
@@ -49,7 +47,12 @@ def nominal_fit(problem: HistoryProblem, scope: Scope, seed: int) -> HypothesisF
         for z in (np.zeros(problem.parameters), *draws)
     ]
     found = multistart(
-        problem, starts, SHORT_TIME_CONSTANT, STEPS, give_up=GIVE_UP, in_time=scope.in_time
+        problem,
+        starts,
+        SHORT_TIME_CONSTANT,
+        STEPS,
+        give_up=problem.settings.selection.give_up,
+        in_time=scope.in_time,
     )
     starts = _ends(sorted(found, key=lambda each: each.cost))
     if min(each.cost for each in found) > FAR * left_by_noise(problem):
@@ -58,7 +61,12 @@ def nominal_fit(problem: HistoryProblem, scope: Scope, seed: int) -> HypothesisF
     if not scope.in_time():
         return min(found, key=lambda each: each.cost)
     found = multistart(
-        problem, starts, TIME_CONSTANT, STEPS, give_up=GIVE_UP, in_time=scope.in_time
+        problem,
+        starts,
+        TIME_CONSTANT,
+        STEPS,
+        give_up=problem.settings.selection.give_up,
+        in_time=scope.in_time,
     )
     best = min(found, key=lambda each: each.cost)
     return settled(problem, best, scope) if best.cost < FAR * left_by_noise(problem) else best
@@ -85,7 +93,7 @@ def restarted(
     takes the best one only, and all starts whether or not the first of them agree.
     """
     best = least(nominal, entries)
-    if best.cost < MISFIT * left_by_noise(problem) or not entries:
+    if best.cost < problem.settings.selection.misfit * left_by_noise(problem) or not entries:
         return entries
     scope.progress("refitting the best suspects from other joints")
     random = np.random.default_rng(seed)
@@ -107,7 +115,7 @@ def restarted(
                 _ends(fits),
                 time_constant,
                 STEPS,
-                give_up=GIVE_UP,
+                give_up=problem.settings.selection.give_up,
                 best=best.cost,
                 in_time=scope.in_time,
             )
@@ -136,7 +144,7 @@ def scattered(
             some,
             _SHORTEST,
             STEPS,
-            give_up=GIVE_UP,
+            give_up=problem.settings.selection.give_up,
             best=best,
             at_most=_ENDS,
             in_time=scope.in_time,

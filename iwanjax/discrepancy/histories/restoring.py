@@ -11,11 +11,9 @@ from iwanjax.discrepancy.histories.linearise import residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit
 from iwanjax.discrepancy.histories.places import Followed
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
+from iwanjax.discrepancy.history_settings import IllustrationSettings
 from iwanjax.joints import PlaceMotion
 from iwanjax.kernels import Kept
-
-# Bins of the recovered force along the deflection, and the fewest samples of one.
-_BINS, _FEWEST = 25, 4
 
 
 def restoring_force(
@@ -61,8 +59,8 @@ def restoring_force(
     else:
         left = -(e[hardest] @ gain[kept:].T @ row) / (dt * float(row @ row))
     quiet = ~np.any(np.asarray(problem.data.push)[hardest] != 0, axis=(1, 2))
-    used = weight[hardest, :, 0] > 0
-    if np.count_nonzero(used & quiet) >= _BINS * _FEWEST:
+    used, known = weight[hardest, :, 0] > 0, problem.settings.illustration
+    if np.count_nonzero(used & quiet) >= known.bins * known.fewest:
         used &= quiet
     d, v = d[hardest], v[hardest]
     a = np.gradient(v, dt)
@@ -73,10 +71,10 @@ def restoring_force(
             laws.setdefault(law[0], law[1][used])
     force = left[used] + laws[kind.name]
     moving = {"deflection": d[used], "rate": v[used], "acceleration": a[used]}
-    over = max(moving, key=lambda name: _explained(moving[name], laws[kind.name]))
+    over = max(moving, key=lambda name: _explained(moving[name], laws[kind.name], known.bins))
     x = moving[over]
-    centre, middle, spread = _binned(x, force)
-    medians = {name: _binned(x, law)[1] for name, law in laws.items()}
+    centre, middle, spread = _binned(x, force, known)
+    medians = {name: _binned(x, law, known)[1] for name, law in laws.items()}
     where = best.hypothesis.where[slot]
     return RestoringForce(kind.name, where, over, x, force, centre, middle, spread, medians)
 
@@ -117,26 +115,28 @@ def _unit_force(kind: ForceKind, shape: Array, moving: Array, dt: Array) -> tupl
 _forces = Kept(_unit_force, lambda kind, *_: kind.name if shipped(kind) else None)
 
 
-def _explained(x: np.ndarray, law: np.ndarray) -> float:
+def _explained(x: np.ndarray, law: np.ndarray, bins: int) -> float:
     """Share of a law's variance that is a function of x."""
-    which = _bins(x)[1]
-    sums, counts = (np.bincount(which, w, _BINS) for w in (law, None))
+    which = _bins(x, bins)[1]
+    sums, counts = (np.bincount(which, w, bins) for w in (law, None))
     mean = sums / np.maximum(counts, 1)
     return float(np.sum(counts * (mean - law.mean()) ** 2))
 
 
-def _bins(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    edges = np.linspace(x.min(), x.max(), _BINS + 1)
-    return edges, np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
+def _bins(x: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    edges = np.linspace(x.min(), x.max(), count + 1)
+    return edges, np.clip(np.digitize(x, edges) - 1, 0, count - 1)
 
 
-def _binned(x: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _binned(
+    x: np.ndarray, force: np.ndarray, known: IllustrationSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Medians and deviations over bins of x that hold enough samples."""
-    edges, which = _bins(x)
+    edges, which = _bins(x, known.bins)
     rows = [
         (0.5 * (edges[i] + edges[i + 1]), np.median(force[which == i]), _spread(force[which == i]))
-        for i in range(_BINS)
-        if np.sum(which == i) >= _FEWEST
+        for i in range(known.bins)
+        if np.sum(which == i) >= known.fewest
     ]
     found = np.array(rows).reshape(-1, 3)
     return found[:, 0], found[:, 1], found[:, 2]

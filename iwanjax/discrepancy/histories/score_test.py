@@ -25,12 +25,8 @@ from iwanjax.discrepancy.histories.problem import (
     free_values,
 )
 
-# Share of the largest value a sensor showed, where it may have been cut: noise lies above.
-_LIMIT = 0.98
 # Share of a column's square below which the joints explain all of it.
 _EXPLAINED = 1e-12
-# Forces that are judged about the motion itself, those that promise most about the state of rest.
-_MOVING = 32
 
 
 class Candidate(NamedTuple):
@@ -150,13 +146,13 @@ def _judged(
     in_time: Callable[[], bool],
 ) -> Iterator[tuple[UnitEffect, float, float]]:
     """All with size and drop: about the motion itself, but for forces that promise little."""
-    found = np.zeros((2, len(forces)))
-    if len(forces) > _MOVING:
+    found, most = np.zeros((2, len(forces))), problem.settings.selection.moving
+    if len(forces) > most:
         for which, made in columns_at_rest(problem, base, forces):
             found[:, which] = rated(made)
     if not in_time():
         return
-    best = np.argsort(-found[1], kind="stable")[:_MOVING]
+    best = np.argsort(-found[1], kind="stable")[:most]
     moving = columns(problem, base, [*(forces[i] for i in best), *of_sensors])
     exact = np.array(rated(moving))
     found[:, best] = exact[:, : len(best)]
@@ -227,7 +223,7 @@ def _limits(
             continue
         for i, label in enumerate(sensors):
             if kind.acts == "limit":
-                limit = _LIMIT * float(largest[i])
+                limit = problem.settings.selection.cut * float(largest[i])
                 starts.append(hypotheses.sensor(problem, kind, i, label, z, limit))
             elif kind.fixed is not None:
                 starts.append(hypotheses.sensor(problem, kind, i, label, z, 0.0))

@@ -28,9 +28,6 @@ from iwanjax.discrepancy.histories.pairs import doubled
 from iwanjax.discrepancy.histories.probing import probed
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start, Variant
 from iwanjax.discrepancy.histories.ranking import (
-    GIVE_UP,
-    LEAST_PROMISE,
-    MISFIT,
     STEPS,
     TIME_CONSTANT,
     RankedFit,
@@ -55,23 +52,6 @@ from iwanjax.discrepancy.histories.restarts import (
 )
 from iwanjax.discrepancy.histories.score_test import Candidate
 from iwanjax.discrepancy.histories.slow_effects import appearing
-
-# Memories of the observer to polish with, in cycles.
-_LONG = (40.0, math.inf)
-# Relative gain that is worth another step while many suspects are still in the race.
-_ROUGH = 1e-2
-# Hypotheses that are refitted with a time constant of two and of eight cycles; the first ones of
-# all score tests: what is missing was among the first five of one.
-_FIRST, _SECOND = 12, 6
-# Of the first how many go on after a few steps: in 25 of 27 cases the later winner led by then,
-# in the others it was second or third.
-_FIELD = 8
-# Shares of the size foreseen that are begun with, until the model withstands one.
-_SMALLER = (1.0, 0.1, 0.01)
-# Drop of the first in a screening from which on no other screening is needed.
-_CLEAR = 0.8
-# Share of the best one's drop from which on a suspect is worth a refit.
-_HOPELESS = 0.15
 
 
 class ModelSelection(NamedTuple):
@@ -112,6 +92,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     seed : int
         Of the starts.
     """
+    known = problem.settings.selection
     scope.progress("refitting the joints")
     nominal = nominal_fit(problem, scope, seed)
     if not scope.in_time():
@@ -119,7 +100,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     scope.progress("screening kinds and places")
     candidates = scored(problem, nominal, scope)
     both = [candidates]
-    clear = bool(candidates) and candidates[0].drop > _CLEAR
+    clear = bool(candidates) and candidates[0].drop > known.clear
     if nominal.cost > FAR * left_by_noise(problem) and not clear and scope.in_time():
         # Joints that were bent to explain something else are a bad place to look from.
         given = Start(problem.nothing(), problem.map.given())
@@ -133,8 +114,8 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     scope.progress("refitting suspects")
     shorts = first_fits(problem, nominal, both, scope)
     explained = bool(shorts) and shorts[0].fitted.cost < FAR * left_by_noise(problem)
-    within = FAR if explained else GIVE_UP
-    near = [e for e in shorts[:_SECOND] if e.fitted.cost < within * shorts[0].fitted.cost]
+    within = FAR if explained else known.give_up
+    near = [e for e in shorts[: known.second] if e.fitted.cost < within * shorts[0].fitted.cost]
     if not scope.in_time():
         # With a shorter memory than the nominal model's they cannot be held against it.
         return ModelSelection(False, RankedFit(problem, nominal), (), scores)
@@ -147,7 +128,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         nominal = renominated(problem, nominal, entries, scope)
     base, singles = ranked(RankedFit(problem, nominal), entries)
     found = bool(singles) and missing(base, singles[0])
-    if found and singles[0].fitted.cost > MISFIT * left_by_noise(problem):
+    if found and singles[0].fitted.cost > known.misfit * left_by_noise(problem):
         fitted = settled(singles[0].problem, singles[0].fitted, scope)
         singles[0] = replace(singles[0], fitted=fitted)
     # A joint that looks like two simple forces, or one, is tried before two are looked for.
@@ -186,7 +167,9 @@ def concluded(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> M
     """
     base, *entries = _moved([table.nominal, *table.entries], problem)
     # From a free run that finer steps have changed there is no way on but the way there.
-    memories = _LONG if base.fitted.time_constant == TIME_CONSTANT else (TIME_CONSTANT, *_LONG)
+    memories = (problem.settings.selection.long_time_constant, math.inf)
+    if base.fitted.time_constant != TIME_CONSTANT:
+        memories = (TIME_CONSTANT, *memories)
     # A search that is still on its way may get there.
     entries = [e for e in entries if determined(e.problem, e.fitted) or not e.fitted.converged]
     close = finalists(base, entries) if table.detected and entries else []
@@ -221,14 +204,14 @@ def restart_wanted(
     problem: HistoryProblem, nominal: HypothesisFit, entries: Sequence[RankedFit]
 ) -> bool:
     """Whether much is left, or a fault of a joint leaves something: that had one start only."""
-    enough = FAR if entries[0].problem is problem else MISFIT
+    enough = FAR if entries[0].problem is problem else problem.settings.selection.misfit
     return least(nominal, entries).cost > enough * left_by_noise(problem)
 
 
 def _in_a_joint(problem: HistoryProblem, best: HypothesisFit, entries: Sequence[RankedFit]) -> bool:
     """Whether a joint left out alone explains all, so that nobody need look for two others."""
     joint = any(e.fitted is best and e.problem is not problem for e in entries)
-    return joint and best.cost < MISFIT * left_by_noise(problem)
+    return joint and best.cost < problem.settings.selection.misfit * left_by_noise(problem)
 
 
 def _behind_all(first: Sequence[RankedFit], rest: Sequence[RankedFit]) -> list[RankedFit]:
@@ -268,7 +251,8 @@ def first_fits(
     scope: Scope,
 ) -> list[RankedFit]:
     """The best candidates, the rivals at the best place, and joints' faults, refitted."""
-    least = LEAST_PROMISE / max(evidence(problem, [nominal]).worth(nominal), 1e-300)
+    known = problem.settings.selection
+    least = known.least_promise / max(evidence(problem, [nominal]).worth(nominal), 1e-300)
     promising = [[c for c in each if c.drop > least] for each in scored]
     far = nominal.cost > FAR * left_by_noise(problem)
     chosen: dict[Variant, list[Start]] = {}
@@ -277,17 +261,17 @@ def first_fits(
         for rank, c in enumerate(candidates):
             hypothesis = c.start.hypothesis
             rival = hypothesis.where[-1] == best or hypothesis.drifting is not None
-            ahead = rank < _FIRST // len(promising)
-            if c.drop > _HOPELESS * candidates[0].drop and (ahead or rival):
+            ahead = rank < known.first // len(promising)
+            if c.drop > known.hopeless * candidates[0].drop and (ahead or rival):
                 chosen.setdefault(hypothesis.variant, []).extend(_starts(problem, c, far))
     found = multistart(
         problem,
         withstood_starts(problem, nominal, list(chosen.values())),
         SHORT_TIME_CONSTANT,
         STEPS,
-        tolerance=_ROUGH,
-        give_up=GIVE_UP,
-        at_most=_FIELD,
+        tolerance=known.rough,
+        give_up=known.give_up,
+        at_most=known.field,
         in_time=scope.in_time,
     )
     return placed([RankedFit(problem, each) for each in found])
@@ -309,7 +293,7 @@ def withstood_starts(
     comes back from.
     """
     begun: dict[int, Start] = {}
-    for share in _SMALLER:
+    for share in problem.settings.selection.smaller:
         points = [
             (i, shrunk(problem, start, share))
             for i, starts in enumerate(choices)

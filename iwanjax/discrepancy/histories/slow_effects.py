@@ -7,9 +7,6 @@ from iwanjax.discrepancy.histories.likelihood import evidence, left_by_noise
 from iwanjax.discrepancy.histories.multistart import HypothesisFit, multistart
 from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.discrepancy.histories.ranking import (
-    GIVE_UP,
-    LEAST_PROMISE,
-    MISFIT,
     STEPS,
     RankedFit,
     Scope,
@@ -17,13 +14,6 @@ from iwanjax.discrepancy.histories.ranking import (
     placed,
     scored,
 )
-
-# Times what a shorter memory left from which on something new is looked for, and the share of
-# what is new that a suspect has to take: a free run adds up the model's own errors, too.
-_GROWN, _SHARE = 1.25, 0.5
-# Suspects that are refitted: the best so far, and the most promising now; how many of them go on
-# after a few steps.
-_KNOWN, _REFITTED, _FIELD = 2, 4, 3
 
 
 def appearing(
@@ -56,13 +46,14 @@ def appearing(
     list of Entry
         Refitted with the longer memory, the best first; none where nothing new is left.
     """
+    settings, selection = problem.settings.slow_effects, problem.settings.selection
     usual = max(before.cost, left_by_noise(problem))
-    if now.cost < _GROWN * usual or not scope.in_time():
+    if now.cost < settings.grown * usual or not scope.in_time():
         return []
     scope.progress("looking again with a longer memory")
-    least = LEAST_PROMISE / evidence(problem, [now]).worth(now)
-    starts = [c.start for c in scored(problem, now, scope)[:_REFITTED] if c.drop > least]
-    known = [e.fitted.start for e in entries if e.problem is problem][:_KNOWN]
+    least = selection.least_promise / evidence(problem, [now]).worth(now)
+    starts = [c.start for c in scored(problem, now, scope)[: settings.refitted] if c.drop > least]
+    known = [e.fitted.start for e in entries if e.problem is problem][: settings.known]
     variants = [start.hypothesis.variant for start in known]
     starts = [*known, *(s for s in starts if s.hypothesis.variant not in variants)]
     fits = multistart(
@@ -70,15 +61,15 @@ def appearing(
         starts,
         now.time_constant,
         STEPS,
-        give_up=GIVE_UP,
-        at_most=_FIELD,
+        give_up=selection.give_up,
+        at_most=settings.field,
         in_time=scope.in_time,
     )
     best = min([now.cost, *(each.cost for each in fits)])
     found = [RankedFit(problem, each) for each in fits]
-    if best > MISFIT * usual:
+    if best > selection.misfit * usual:
         found += stuck(
             problem, now, limited(problem, now, best, now.time_constant), scope, now.time_constant
         )
-    enough = now.cost - _SHARE * (now.cost - usual)
+    enough = now.cost - settings.new_share * (now.cost - usual)
     return placed([each for each in found if cost_of(each) < enough])

@@ -22,21 +22,14 @@ from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
 from iwanjax.discrepancy.histories.recordings import StudyRecording
 from iwanjax.discrepancy.histories.validation import FreeRun, free_run
+from iwanjax.discrepancy.history_settings import (
+    CONDITIONING,
+    HISTORIES,
+    ConditioningSettings,
+    HistorySettings,
+)
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.errors import InputError
-
-# Steps between samples: the fewest, and the most that are tried.
-_SUBSTEPS, _MOST_SUBSTEPS = 2, 4
-# Angle by which the fastest mode may turn in a step before more steps are compared with it, and
-# their difference that is none beside the noise: while suspects are compared, where its square
-# may look like something more that is missing; with the same memory in the end; and in the free
-# run, where errors add up.
-_TURN, _COMPARED, _SAME_AS = 0.7, {TIME_CONSTANT: 0.4}, {TIME_CONSTANT: 0.3, math.inf: 0.7}
-# Squared residual over the noise's from which on a fit may want for steps.
-_MORE_THAN_NOISE = 1.1
-# Measured over predicted amplitude from which on units are in doubt: nothing of the catalogue is
-# worth that much.
-_OTHER_UNITS = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +47,7 @@ class StudyData:
         made: Predictor,
         modal: ModalCoordinates,
         known: np.ndarray,
+        settings: ConditioningSettings = CONDITIONING,
     ) -> "StudyData":
         """All of them for one predictor, the noise of their sensors known.
 
@@ -62,13 +56,20 @@ class StudyData:
         """
         order = tuple(i for i, each in enumerate(recordings) if each.use == "fit")
         rest = [i for i, each in enumerate(recordings) if each.use == "hold_out"]
-        count, directions = len(order), directions_of(recordings, made)
+        count, directions = len(order), directions_of(recordings, made, settings)
         fitted = max(len(recordings[i].response) for i in order)
 
         def taken(those: Sequence[int]) -> ConditionedRecordings:
             length = max([fitted, *(len(recordings[i].response) for i in those)])
             return conditioned(
-                [recordings[i] for i in those], made, modal, known, length, count, directions
+                [recordings[i] for i in those],
+                made,
+                modal,
+                known,
+                length,
+                count,
+                directions,
+                settings,
             )
 
         held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
@@ -134,12 +135,15 @@ class StepRefinement:
         All of them.
     noise : (sensors,) array
         Deviations.
+    settings : HistorySettings
+        Tuned numbers of all stages.
     """
 
     made: Callable[[int], tuple[Predictor, ModalCoordinates]]
     joints: tuple[Joint, ...]
     recordings: Sequence[StudyRecording]
     noise: np.ndarray
+    settings: HistorySettings = HISTORIES
 
     def of_model(self) -> Refined:
         """With steps that do while suspects of the model as given are compared.
@@ -149,11 +153,12 @@ class StepRefinement:
         InputError
             Where units seem to be mixed up.
         """
-        coarse = self.with_substeps(_SUBSTEPS)
+        coarse = self.with_substeps(self.settings.steps.fewest)
         _require_same_units(coarse.problem)
         if not _fast(coarse):
             return coarse
-        return self._finer(coarse, coarse.problem, *_given(coarse.problem), _COMPARED)
+        same = {TIME_CONSTANT: self.settings.steps.compared}
+        return self._finer(coarse, coarse.problem, *_given(coarse.problem), same)
 
     def of_free_run(self, now: Refined, best: RankedFit) -> Refined:
         """With steps that do for a free run as well: ``now`` itself, where modes are slow."""
@@ -165,11 +170,12 @@ class StepRefinement:
         A stiff suspect may want more than the model without it.
         """
         left = best.fitted.cost / left_by_noise(best.problem)
-        return self._of(now, best) if left > _MORE_THAN_NOISE else now
+        return self._of(now, best) if left > self.settings.steps.more_than_noise else now
 
     def _of(self, now: Refined, best: RankedFit) -> Refined:
-        fitted = best.fitted
-        return self._finer(now, best.problem, fitted.hypothesis, fitted.theta, _SAME_AS)
+        fitted, known = best.fitted, self.settings.steps
+        same = {TIME_CONSTANT: known.same, math.inf: known.same_free}
+        return self._finer(now, best.problem, fitted.hypothesis, fitted.theta, same)
 
     def _finer(
         self,
@@ -179,10 +185,10 @@ class StepRefinement:
         theta: np.ndarray,
         same: Mapping[float, float],
     ) -> Refined:
-        steps = now.problem.predictor.substeps
-        if steps >= _MOST_SUBSTEPS:
+        steps, most = now.problem.predictor.substeps, self.settings.steps.most
+        if steps >= most:
             return now
-        finest = self.with_substeps(_MOST_SUBSTEPS)
+        finest = self.with_substeps(most)
         finer = problem.with_steps_of(finest.problem)
         changed = max(
             _change(problem, finer, hypothesis, theta, time_constant) / unit
@@ -190,18 +196,18 @@ class StepRefinement:
         )
         # Errors of fourth order in the step, of which the finest ones have next to nothing.
         enough = math.ceil(steps * changed**0.25)
-        if enough >= _MOST_SUBSTEPS:
+        if enough >= most:
             return finest
         return self.with_substeps(enough) if enough > steps else now
 
     def with_substeps(self, substeps: int) -> Refined:
         """With so many steps between samples."""
         by, modal = self.made(substeps)
-        sides = StudyData.of(self.recordings, by, modal, self.noise)
+        sides = StudyData.of(self.recordings, by, modal, self.noise, self.settings.conditioning)
         noise = np.median(sides.fitted.noise, axis=0)
-        return Refined(
-            sides, HistoryProblem(by, self.joints, sides.fitted.data, noise, sides.order), modal
-        )
+        data = sides.fitted.data
+        problem = HistoryProblem(by, self.joints, data, noise, sides.order, self.settings)
+        return Refined(sides, problem, modal)
 
 
 def _change(
@@ -223,7 +229,7 @@ def _change(
 def _fast(coarse: Refined) -> bool:
     """Whether the fastest mode turns too far in a step for errors to be taken for none."""
     by = coarse.problem.predictor
-    return math.sqrt(float(np.max(by.omega2))) * float(by.dt) > _TURN
+    return math.sqrt(float(np.max(by.omega2))) * float(by.dt) > coarse.problem.settings.steps.turn
 
 
 def _given(problem: HistoryProblem) -> tuple[Hypothesis, np.ndarray]:
@@ -238,7 +244,8 @@ def _require_same_units(problem: HistoryProblem) -> None:
     measured = np.asarray(problem.data.response)[seen]
     predicted = measured - innovations(problem, *_given(problem), math.inf)[seen]
     ratio = math.sqrt(float(np.mean(measured**2) / np.mean(predicted**2)))
-    if math.isfinite(ratio) and not 1.0 / _OTHER_UNITS < ratio < _OTHER_UNITS:
+    most = problem.settings.steps.other_units
+    if math.isfinite(ratio) and not 1.0 / most < ratio < most:
         raise InputError(
             f"recordings: the measured {quantity} is {ratio:.2g} times what the model predicts "
             "from the forces; are forces, responses and matrices in one system of units?"

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.effects import ForceKind, Kind
+from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.cycle import (
     AbstractActing,
     ActingForce,
@@ -22,7 +23,6 @@ from iwanjax.discrepancy.steady.cycle import (
     unit_on,
 )
 from iwanjax.discrepancy.steady.fit import (
-    STARTS,
     AbstractSteadyProblem,
     JointValues,
     PlacedEffect,
@@ -42,20 +42,6 @@ from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.updating.modal import ModalProblem, modal_parameters, modal_problem
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference
-
-# Starts that are run of a search with a force.
-_FORCE_RUNS = 4
-# Loss over the energy that a force turns over, below which it is rounding.
-_LOSSLESS = 1e-9
-# The same with a joint left out, and the strengths of that to begin with, over what the curves'
-# fall of frequency alone would ask for.
-_JOINT_RUNS, _STRENGTHS = 8, (1.0, 0.1)
-# Ratios of another mode's deflection to begin with, one search from the best of some joints with
-# each; every so many of the joints that the fit of the joint alone began with; and ratios over
-# what that ends at for a second search.
-_RATIOS, _EVERY, _NEARER = (0.1, 0.3, 1.0, 3.0), 16, (1.0, 0.9, 1.1, 1.3)
-# Tolerances of these two: each step takes a motion of some thousand samples.
-_ROUGH, _FINE = 1e-3, 1e-5
 
 
 class AbstractCurvesProblem(AbstractSteadyProblem, AbstractProblem):
@@ -154,7 +140,9 @@ def as_measured(
 def fit_alone(base: ModalProblem, draws: np.ndarray) -> ModeFit:
     """The joint alone, from draws of its parameters (starts, parameters)."""
     problem = _with_force(base, unit_on(None, base.measured.q, 0.0), 1.0, False)
-    return searched(None, problem, np.column_stack([draws, np.zeros(len(draws))]), _FORCE_RUNS)
+    return searched(
+        None, problem, np.column_stack([draws, np.zeros(len(draws))]), settings().steady.runs
+    )
 
 
 def fit_beside(
@@ -177,7 +165,8 @@ def fit_beside(
             return None
         largest = _largest(base.measured, unit)
         problem = _with_force(base, unit, largest, kind.positive)
-        return searched(effect, problem, with_sizes(joints, kind, largest, random), _FORCE_RUNS)
+        starts = with_sizes(joints, kind, largest, random)
+        return searched(effect, problem, starts, settings().steady.runs)
 
     best = best_shape(kind, begin, at)
     if best is None or best.effect is None:
@@ -194,7 +183,7 @@ def gives_energy(fit: ModeFit) -> bool:
     loss, q = np.asarray(acting.unit.loss), np.asarray(fit.problem.measured.q)
     turned = np.abs(np.asarray(acting.unit.stiffness)[1]) * q**2
     work = float(np.sign(fit.theta[-1]) * loss.sum())
-    return work < -_LOSSLESS * float(turned.sum())
+    return work < -settings().steady.lossless * float(turned.sum())
 
 
 def fit_with_joint(
@@ -223,19 +212,22 @@ def fit_with_joint(
         Of the starts.
     """
     base = alone.problem.base
+    known = settings().steady
     row = tuple(modal_parameters(Iwan4, curves).values())
     own = modal_problem(Iwan4, curves, row, base.reference)
     names = tuple(info.name for info in IWAN_PARAMETERS)
     # The first two of its own are the mode's frequency and damping, the base's affair.
     problem = _problem(base, names, JointValues(own, 2), ActingJoint())
-    draws = own.spread(drawn(row, random, STARTS))
+    draws = own.spread(drawn(row, random, known.starts))
     others = np.asarray(_improved(own, jnp.asarray(draws)))[:, 2:]
-    strengths = np.resize(_STRENGTHS, STARTS)[:, None]
+    # Over what the curves' fall of frequency alone would ask for.
+    strengths = np.resize(known.strengths, known.starts)[:, None]
     others = np.where([name in ("F_S", "K_T") for name in own.names[2:]], strengths, 1.0) * others
-    starts = np.column_stack([np.tile(alone.theta[:-1], (STARTS, 1)), others])
-    for i, fit in enumerate(sliders[: _JOINT_RUNS - 1]):
-        starts[-1 - i * STARTS // _JOINT_RUNS] = np.append(_stuck(fit), as_slider(fit))
-    return searched(PlacedEffect(kind), problem, starts, _JOINT_RUNS)
+    starts = np.column_stack([np.tile(alone.theta[:-1], (known.starts, 1)), others])
+    runs = known.joint_runs
+    for i, fit in enumerate(sliders[: runs - 1]):
+        starts[-1 - i * known.starts // runs] = np.append(_stuck(fit), as_slider(fit))
+    return searched(PlacedEffect(kind), problem, starts, runs)
 
 
 def fit_coupled(
@@ -280,15 +272,16 @@ def fit_coupled(
 
     if not any(np.any(each > 0.0) for each in interacting.amplitude[: len(base.measured.slices)]):
         return None
-    joints = np.concatenate([joint[None], draws[::_EVERY]])
+    known = settings().steady
+    joints = np.concatenate([joint[None], draws[:: known.every]])
     starts = np.concatenate(
-        [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in _RATIOS]
+        [np.column_stack([joints, np.full(len(joints), ratio)]) for ratio in known.ratios]
     )
     effect = PlacedEffect(kind)
-    first = searched(effect, moved(base), starts, len(_RATIOS), len(starts), _ROUGH)
-    starts = np.tile(first.theta, (len(_NEARER), 1))
-    starts[:, -1] *= _NEARER
-    fit = searched(effect, moved(own), starts, 1, len(starts), _FINE)
+    first = searched(effect, moved(base), starts, len(known.ratios), len(starts), known.rough)
+    starts = np.tile(first.theta, (len(known.nearer), 1))
+    starts[:, -1] *= known.nearer
+    fit = searched(effect, moved(own), starts, 1, len(starts), known.fine)
     return replace(fit, cost=_worth(base, own, fit.left))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import ForceKind
+from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.fit import PlacedEffect
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion
@@ -19,19 +20,11 @@ from iwanjax.quasistatic.modal import Beside, ModalOscillator, about
 from iwanjax.quasistatic.single_harmonic import AbstractCyclic
 from iwanjax.updating.interpolate import cubic
 
-# Steps of a cycle; the first cycle lets sliders and dashpots settle.
-_STEPS, _CYCLES = 256, 2
 # Of a sum over a cycle, over its largest term.
 _ROUNDING = 1e-10
-# Change over all amplitudes, relative to the largest value, below which a mode's own frequency
-# and damping at rest take all of it up.
-_CONSTANT = 1e-6
-# Of two motions: samples per cycle of the faster mode, cycles of the slower one that are averaged
-# over after some in which the sliders forget the start, and sliders of an Iwan joint.
-_SAMPLES, _AVERAGED, _SETTLING, _SLIDERS = 32, 24, 6, 100
+# Steps of a motion of two modes come in blocks, so that modes of about the same ratio share a
+# kernel.
 _BLOCK = 256
-# Phase of the other mode at the start, of a turn: no simple share of one.
-_PHASE = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 def beside(kind: ForceKind, shape: float, q: np.ndarray, omega: float | np.ndarray) -> Beside:
@@ -60,13 +53,15 @@ def beside(kind: ForceKind, shape: float, q: np.ndarray, omega: float | np.ndarr
     Beside
         k_1 at all q; stiffness at the tips, and D, at those wanted.
     """
-    return _beside(kind, jnp.asarray(shape), jnp.asarray(q), jnp.asarray(omega))
+    steps = settings().steady.cycle
+    return _beside(kind, steps, jnp.asarray(shape), jnp.asarray(q), jnp.asarray(omega))
 
 
-@partial(jax.jit, static_argnums=0)
-def _beside(kind: ForceKind, shape: Array, q: Array, omega: Array) -> Beside:
-    phases = 2.0 * math.pi * np.arange(1, _CYCLES * _STEPS + 1) / _STEPS
-    dt = 2.0 * math.pi / (_STEPS * omega)
+@partial(jax.jit, static_argnums=(0, 1))
+def _beside(kind: ForceKind, steps: int, shape: Array, q: Array, omega: Array) -> Beside:
+    # In the first of two cycles sliders and dashpots settle.
+    phases = 2.0 * math.pi * np.arange(1, 2 * steps + 1) / steps
+    dt = 2.0 * math.pi / (steps * omega)
 
     def step(memory: Array, phase: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         sine, cosine, before = phase
@@ -79,9 +74,9 @@ def _beside(kind: ForceKind, shape: Array, q: Array, omega: Array) -> Beside:
     sine, cosine = np.sin(phases), np.cos(phases)
     rows = (jnp.asarray(sine), jnp.asarray(cosine), jnp.asarray(np.append(0.0, sine[:-1])))
     memory, force = jax.lax.scan(step, jnp.zeros(q.shape), rows)
-    last = force[-_STEPS:]
+    last = force[-steps:]
     # At both ends of the cycle: a one-sided force has another slope at either.
-    tip = 0.5 * (last[_STEPS // 4 - 1] - last[3 * _STEPS // 4 - 1])
+    tip = 0.5 * (last[steps // 4 - 1] - last[3 * steps // 4 - 1])
     # What remembers is taken for a Masing element's, what does not for elastic: see tip_stiffness.
     tip = jnp.where(memory[1] == 0.0, tip[1] / q[1], (tip[2] - tip[0]) / (q[2] - q[0]))
     # What cancels over a cycle is nothing, not the rounding that is left of it.
@@ -91,10 +86,10 @@ def _beside(kind: ForceKind, shape: Array, q: Array, omega: Array) -> Beside:
         return jnp.where(jnp.abs(x) > _ROUNDING * largest, x, 0.0)
 
     return Beside(
-        told(2.0 * jnp.einsum("s...,s->...", last, sine[-_STEPS:]) / (_STEPS * q), peak / q),
+        told(2.0 * jnp.einsum("s...,s->...", last, sine[-steps:]) / (steps * q), peak / q),
         told(tip, peak[1] / q[1]),
         told(
-            2.0 * math.pi * q[1] * jnp.einsum("s...,s->...", last[:, 1], cosine[-_STEPS:]) / _STEPS,
+            2.0 * math.pi * q[1] * jnp.einsum("s...,s->...", last[:, 1], cosine[-steps:]) / steps,
             peak[1] * q[1],
         ),
     )
@@ -102,9 +97,10 @@ def _beside(kind: ForceKind, shape: Array, q: Array, omega: Array) -> Beside:
 
 def shows(unit: Beside, q: np.ndarray) -> bool:
     """Whether a force changes with amplitude what a mode alone would have at every amplitude."""
+    # What is the same at all of them a mode's own frequency and damping at rest take up.
     seen = (np.asarray(unit.stiffness)[1], np.asarray(unit.loss) / q[1] ** 2)
     largest = max(float(np.max(np.abs(each))) for each in (*seen, unit.tip))
-    return any(float(np.ptp(each)) > _CONSTANT * largest for each in seen)
+    return any(float(np.ptp(each)) > settings().steady.negligible * largest for each in seen)
 
 
 class CyclicForce(AbstractCyclic):
@@ -148,6 +144,8 @@ def moved_by_both(
     other: Float[Array, " N"],
     omega: Float[Array, " 2"],
     steps: int,
+    samples: int,
+    sliders: int,
 ) -> Beside:
     r"""What a second motion changes of a joint's first harmonic and loss in the first.
 
@@ -166,24 +164,27 @@ def moved_by_both(
         Amplitudes of the joint's deflection, q and Q.
     omega : (2,) array
         Circular frequencies of both, rad/s.
-    steps : int
-        Of the motion.
+    steps, samples, sliders : int
+        Of the motion, of a cycle of the faster one, and of the joint.
 
     Returns
     -------
     Beside
         (N,) each; of the slope at the tip the change is taken to be that of k_1.
     """
-    element = joint.discrete(_SLIDERS)
-    dt = 2.0 * math.pi / (_SAMPLES * jnp.max(omega))
-    settling = steps * _SETTLING // _AVERAGED
+    element = joint.discrete(sliders)
+    dt = 2.0 * math.pi / (samples * jnp.max(omega))
+    # So long the sliders forget the start.
+    settling = steps // 4
     x = (np.arange(steps) + 0.5) / steps
     window = np.concatenate([np.zeros(settling), np.exp(-1.0 / (x * (1.0 - x)))])
     window = jnp.asarray(2.0 * window / window.sum())
+    # Of the other motion at the start, of a turn: the golden ratio is no simple share of one.
+    phase = 0.5 * (math.sqrt(5.0) - 1.0)
 
     def average(one: Array, two: Array) -> Array:
         def advance(state, k):
-            theta, Theta = omega[0] * dt * k, omega[1] * dt * k + 2.0 * math.pi * _PHASE
+            theta, Theta = omega[0] * dt * k, omega[1] * dt * k + 2.0 * math.pi * phase
             d = one * jnp.cos(theta) + two * jnp.cos(Theta)
             v = -one * omega[0] * jnp.sin(theta) - two * omega[1] * jnp.sin(Theta)
             reaction = element.step(d, v, dt, state[0])
@@ -280,20 +281,22 @@ class ActingMode(AbstractActing):
         Circular frequencies of the mode and of the other, rad/s.
     amplitude : tuple of (levels,) arrays
         As of :class:`InteractingMode`.
-    steps : int
-        Of the motion that is averaged over.
+    steps, samples, sliders : int
+        Of the motion that is averaged over, of a cycle of the faster mode, and of the joint.
     """
 
     other: Float[Array, " N"]
     omega: Float[Array, " 2"]
     amplitude: tuple[Array, ...]
     steps: int = eqx.field(static=True)
+    samples: int = eqx.field(static=True)
+    sliders: int = eqx.field(static=True)
 
     def further(
         self, values: Float[Array, " 1"], oscillator: ModalOscillator, q: Float[Array, " N"]
     ) -> tuple[Beside, float]:
         """What the joint does more while both move."""
-        both = (values[0] * self.other, self.omega, self.steps)
+        both = (values[0] * self.other, self.omega, self.steps, self.samples, self.sliders)
         return moved_by_both(oscillator.joint, q, *both), 0.0
 
     @classmethod
@@ -301,9 +304,10 @@ class ActingMode(AbstractActing):
         """At the levels of the first so many curves of a mode of circular frequency omega."""
         amplitude = tuple(map(jnp.asarray, interacting.amplitude))
         both = np.array([omega, 2.0 * math.pi * interacting.frequency])
-        # Rounded up, so that modes of about the same ratio share a kernel.
-        steps = _BLOCK * math.ceil(_AVERAGED * _SAMPLES * both.max() / both.min() / _BLOCK)
-        return cls(jnp.concatenate(amplitude[:curves]), jnp.asarray(both), amplitude, steps)
+        known = settings().steady
+        blocks = math.ceil(known.averaged * known.samples * both.max() / both.min() / _BLOCK)
+        steps, other = _BLOCK * blocks, jnp.concatenate(amplitude[:curves])
+        return cls(other, jnp.asarray(both), amplitude, steps, known.samples, known.sliders)
 
     def at(self, effect: PlacedEffect | None, q: Array, which: int, omega: float) -> "ActingMode":
         """While the other mode had the amplitude that it had then."""

@@ -11,6 +11,7 @@ import numpy as np
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.findings import Estimate
+from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.curves import (
     ModeFit,
     fit_alone,
@@ -39,13 +40,6 @@ from iwanjax.types import require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.problem import modal_unit
 from iwanjax.updating.structural import joint_parameters
-
-OSCILLATOR_ERROR = 0.005
-"""Share of a mode's fall of frequency, and of its damping, by which an oscillator with one Iwan
-joint is off the mode of a structure with one: the joint works against the other modes'
-flexibility, and the shape changes. Quasi-statics of chains and a lapped beam say 0.1 to 0.7 %."""
-# Relative difference of costs that is rounding.
-_SAME = 1e-6
 
 
 def diagnose_curves(
@@ -273,7 +267,8 @@ def diagnose_loops(
     more = kinds_named("iwan_joint", hypotheses)
     costs = {at_rest: fit.cost for at_rest, fit in fits.items()}
     at_rest = min(costs, key=costs.__getitem__)
-    if more and len(costs) > 1 and max(costs.values()) <= (1.0 + _SAME) * min(costs.values()):
+    same = 1.0 + settings().steady.negligible
+    if more and len(costs) > 1 and max(costs.values()) <= same * min(costs.values()):
         # A joint without memory cannot tell where a loop begins; one that it lacks may.
         with_it = {
             each: loops_with_joint(fit, more[0], ()).cost
@@ -313,8 +308,9 @@ def _doubted(curves: ModalCurves, highest: float) -> ModalCurves:
     """Curves with what an oscillator may be off by in their deviations."""
     if curves.frequency_std is None or curves.damping_std is None:
         return curves
-    f_std = jnp.hypot(curves.frequency_std, OSCILLATOR_ERROR * (highest - curves.frequency))
-    zeta_std = jnp.hypot(curves.damping_std, OSCILLATOR_ERROR * curves.damping)
+    share = settings().steady.model_error
+    f_std = jnp.hypot(curves.frequency_std, share * (highest - curves.frequency))
+    zeta_std = jnp.hypot(curves.damping_std, share * curves.damping)
     return eqx.tree_at(lambda c: (c.frequency_std, c.damping_std), curves, (f_std, zeta_std))
 
 

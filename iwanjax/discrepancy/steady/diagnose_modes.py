@@ -8,9 +8,9 @@ import numpy as np
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.findings import Score
+from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.fit import PlacedEffect
 from iwanjax.discrepancy.steady.modes import (
-    STARTS,
     JointsAlone,
     ModesFit,
     modes_alone,
@@ -33,10 +33,6 @@ from iwanjax.updating.background import (
 from iwanjax.updating.problem import Reference
 from iwanjax.updating.structural import structural_parameters, structural_problem
 
-# Forces at places that are refitted beside the best of each kind.
-_REFITS = 12
-# Places where a whole joint is tried.
-_JOINT_PLACES = 4
 _QUANTITY = "modal displacement"
 
 
@@ -121,7 +117,8 @@ def diagnose_modes(
     row = replaced(tuple(known.values()), parameters or {})
     base = structural_problem(structure, several, row, modes, None, groups, reference)
     random = np.random.default_rng(seed)
-    draws = drawn(row, random, max(starts, STARTS)) if row else np.zeros((STARTS, 0))
+    least = settings().steady.mode_starts
+    draws = drawn(row, random, max(starts, least)) if row else np.zeros((least, 0))
     trials.say(f"fitting the joints alone to {len(modes)} mode(s)")
     alone = modes_alone(base, draws)
     if not math.isfinite(alone.cost):
@@ -247,7 +244,7 @@ def _worth_a_fit(scores: Sequence[ModesFit]) -> list[ModesFit]:
     first: dict[str, ModesFit] = {}
     for score in ranked:
         first.setdefault(_effect(score).kind.name, score)
-    chosen = [*ranked[:_REFITS], *first.values()]
+    chosen = [*ranked[: settings().steady.refits], *first.values()]
     return [score for score in scores if any(score is each for each in chosen)]
 
 
@@ -257,8 +254,8 @@ def _joint_places(
     """Where a joint left out is tried: where single forces promise most."""
     ranked = sorted(scores, key=lambda each: each.cost)
     labels = dict.fromkeys(_effect(each).where for each in ranked)
-    chosen = [*labels, *(label for label in rows if label not in labels)][:_JOINT_PLACES]
-    return [(label, rows[label]) for label in chosen]
+    chosen = [*labels, *(label for label in rows if label not in labels)]
+    return [(label, rows[label]) for label in chosen[: settings().steady.joint_places]]
 
 
 def _drops(alone: ModesFit, scores: Sequence[ModesFit]) -> tuple[Score, ...]:

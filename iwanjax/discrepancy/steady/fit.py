@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind
 from iwanjax.discrepancy.findings import Estimate
+from iwanjax.discrepancy.settings import settings
 from iwanjax.estimation.evidence import correlation_time, linearised
 from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart
@@ -29,20 +30,8 @@ from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
 
 JOINT_VALUES = len(IWAN_PARAMETERS)
 """Parameters of a joint left out."""
-STARTS = 16
-"""Starts of one search of a mode or a joint: all searches share one compiled kernel."""
-# Standard deviation of the sizes that searches start from, over the largest that is plausible.
-_SPREAD = 0.5
 # Smallest size, over the largest that is plausible, that a search by its logarithm starts from.
 _SMALLEST = 1e-6
-# Shapes tried, how far they go beyond those of the catalogue, how often the best is bracketed, and
-# how often a parabola then says where the best of all is.
-_SHAPES, _BEYOND, _BRACKETS, _PARABOLAS = 8, 4.0, 2, 2
-# Ratio of neighbouring shapes where one is nearly known, and change of a shape's logarithm by
-# which a residual's derivative is taken.
-_NEAR, _RESHAPED = 1.3, 1e-2
-# How near a joint is to the slider that it becomes where all of its sliders slip at once.
-_ALL_AT_ONCE = 1.0 / 30.0
 
 
 class PlacedEffect(NamedTuple):
@@ -245,8 +234,9 @@ class SteadyFit(Generic[Problem]):
         if shape is None:
             rows = zip(effect.sizes, self.values.tolist(), self.std().tolist(), strict=True)
             return tuple(Estimate(*row) for row in rows)
-        up, down = (self._reshaped(effect, math.exp(step)) for step in (_RESHAPED, -_RESHAPED))
-        both = np.column_stack([self.linear[1], (up - down) / (2.0 * _RESHAPED)])
+        by = settings().steady.reshaped
+        up, down = (self._reshaped(effect, math.exp(step)) for step in (by, -by))
+        both = np.column_stack([self.linear[1], (up - down) / (2.0 * by)])
         std = linearised(both, self.left, self.correlation())
         size = Estimate(effect.sizes[0], float(self.values[0]), float(std[-2]))
         return size, Estimate(shape, effect.shape, effect.shape * float(std[-1]))
@@ -278,7 +268,7 @@ def searched(
     problem: Problem,
     starts: np.ndarray,
     runs: int,
-    at_once: int = STARTS,
+    at_once: int | None = None,
     tolerance: float = SEARCH.tolerance,
 ) -> SteadyFit[Problem]:
     """The fit at the best end of a multistart.
@@ -292,11 +282,13 @@ def searched(
     starts : (starts, parameters) array
         The last batch is filled up with the first ones.
     runs, at_once : int
-        Starts of a batch that are run to their minimum, of so many.
+        Starts of a batch that are run to their minimum, of so many: all searches share one
+        compiled kernel.
     tolerance : float
         Relative, of the search.
     """
     ends: list[LeastSquaresSolution] = []
+    at_once = at_once or settings().steady.starts
     for first in range(0, len(starts), at_once):
         some = starts[np.arange(first, first + at_once) % len(starts)]
         ends += least_squares(problem, jnp.asarray(some), runs, tolerance=tolerance)
@@ -306,8 +298,8 @@ def searched(
 
 def joints_to_begin_with(alone: AnyFit, draws: np.ndarray) -> np.ndarray:
     """Starts of a joint beside an effect: as it is alone, and some of its draws."""
-    few = np.tile(alone.theta[:-1], (STARTS, 1))
-    few[::2] = draws[np.linspace(0, len(draws) - 1, STARTS // 2).astype(int)]
+    few = np.tile(alone.theta[:-1], (settings().steady.starts, 1))
+    few[::2] = draws[np.linspace(0, len(draws) - 1, len(few[::2])).astype(int)]
     return few
 
 
@@ -315,7 +307,7 @@ def with_sizes(
     joints: np.ndarray, kind: ForceKind, largest: float, random: np.random.Generator
 ) -> np.ndarray:
     """Starts of a joint with sizes of a force beside it, up to some that is plausible."""
-    sizes = _SPREAD * largest * random.standard_normal(len(joints))
+    sizes = settings().steady.spread * largest * random.standard_normal(len(joints))
     return np.column_stack([joints, np.abs(sizes) if kind.positive else sizes])
 
 
@@ -323,7 +315,8 @@ def as_slider(fit: AnyFit) -> np.ndarray:
     """Parameters of the joint that a fit's slider is the limit of."""
     assert fit.effect is not None
     k, slip = float(fit.values[0]), fit.effect.shape
-    return np.array(SLIDING_AT_ONCE.widened((k, slip), Scales(slip, 1.0), _ALL_AT_ONCE))
+    share = settings().steady.at_once
+    return np.array(SLIDING_AT_ONCE.widened((k, slip), Scales(slip, 1.0), share))
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:
@@ -347,18 +340,19 @@ def best_shape(
     """
     if kind.shape is None:
         return at(begin[0])
-    first, last = min(begin) / _BEYOND, max(begin) * _BEYOND
-    grid = np.geomspace(first, last, _SHAPES).tolist()
+    known = settings().steady
+    first, last = min(begin) / known.beyond, max(begin) * known.beyond
+    grid = np.geomspace(first, last, known.shapes).tolist()
     found = [each for each in map(at, grid) if each is not None]
-    for i in range(_BRACKETS if found else 0):
-        factor = (last / first) ** (0.5 ** (i + 1) / (_SHAPES - 1))
+    for i in range(known.brackets if found else 0):
+        factor = (last / first) ** (0.5 ** (i + 1) / (known.shapes - 1))
         found += _neighbours(best_of(found), factor, at)
     return best_of(_lowest(found, at)) if found else None
 
 
 def best_shape_near(fit: Fit, at: Callable[[float], Fit | None]) -> Fit:
     """The best of a fit and others with shapes near to its own."""
-    return best_of(_lowest([fit, *_neighbours(fit, _NEAR, at)], at))
+    return best_of(_lowest([fit, *_neighbours(fit, settings().steady.near, at)], at))
 
 
 def _neighbours(fit: Fit, factor: float, at: Callable[[float], Fit | None]) -> list[Fit]:
@@ -369,7 +363,7 @@ def _neighbours(fit: Fit, factor: float, at: Callable[[float], Fit | None]) -> l
 
 def _lowest(found: list[Fit], at: Callable[[float], Fit | None]) -> list[Fit]:
     """Fits, and those with the shapes that parabolas through them tell."""
-    for _ in range(_PARABOLAS):
+    for _ in range(settings().steady.parabolas):
         shape = _vertex(found)
         nearer = at(shape) if shape is not None else None
         found = [*found, *([nearer] if nearer is not None else [])]

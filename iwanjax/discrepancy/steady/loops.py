@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import ForceKind, Kind
+from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.fit import (
-    STARTS,
     AbstractSteadyProblem,
     JointValues,
     PlacedEffect,
@@ -32,18 +32,6 @@ from iwanjax.joints.hysteresis import hysteresis
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.updating.structural import joint_parameters
-
-# Starts that are run of a search with a force, and with a joint left out.
-_FORCE_RUNS, _JOINT_RUNS = 3, 4
-# Shares of the largest force, and deflections over the largest, at which the other joint slips to
-# begin with.
-_SHARES, _SLIPS = (0.5, 0.1), (1.0, 0.1, 0.3, 3.0)
-# No force is taken to be known better than to this share of its root mean square.
-_BEST = 1e-3
-# Values of each loop that are fitted: its turns, and as many between them as draw it.
-_VALUES = 300
-# Change of a force by a step twice as long, over the largest, from which on it depends on rate.
-_BY_RATE = 1e-6
 
 
 class LoopHistories(eqx.Module):
@@ -69,10 +57,9 @@ class LoopHistories(eqx.Module):
 
 def noise_of(loops: Sequence[ForceLoop], known: float | None) -> tuple[float, ...]:
     """Deviation of each loop's force."""
+    best = settings().steady.best_force
     return tuple(
-        max(
-            loop.noise if known is None else known, _BEST * math.sqrt(float(np.mean(loop.force**2)))
-        )
+        max(loop.noise if known is None else known, best * math.sqrt(float(np.mean(loop.force**2))))
         for loop in loops
     )
 
@@ -82,12 +69,13 @@ def driven(
     noise: Sequence[float],
     fitted: int,
     at_rest: bool,
-    most: float = _VALUES,
+    most: float | None = None,
 ) -> LoopHistories:
     """Loops, of which the first ones are to be fitted, each by so many values at most.
 
     Those that may begin at rest do so, or on the outermost loop like the others.
     """
+    most = settings().steady.values if most is None else most
     chosen = [_drawing(loop.d, most) for loop in loops]
     length = max(map(len, chosen)) + 2
     d, force, weight = np.zeros((3, len(loops), length))
@@ -184,8 +172,9 @@ def quasi_static(kind: ForceKind, d: Float[Array, "loops N"]) -> bool:
     if kind.inertial:
         return False
     shape = jnp.asarray(kind.shapes(Scales(float(jnp.max(jnp.abs(d))), 1.0))[0])
+    negligible = settings().steady.negligible
     slow, slower = (np.asarray(_along(kind, shape, d, jnp.asarray(dt))) for dt in (1.0, 2.0))
-    return bool(np.max(np.abs(slow - slower)) <= _BY_RATE * np.max(np.abs(slow)))
+    return bool(np.max(np.abs(slow - slower)) <= negligible * np.max(np.abs(slow)))
 
 
 @partial(jax.jit, static_argnums=0)
@@ -213,7 +202,9 @@ def loops_alone(
         loops=loops,
         unit=jnp.zeros_like(loops.d),
     )
-    return searched(None, problem, np.column_stack([draws, np.zeros(len(draws))]), _FORCE_RUNS)
+    return searched(
+        None, problem, np.column_stack([draws, np.zeros(len(draws))]), settings().steady.loop_runs
+    )
 
 
 def loops_beside(
@@ -234,7 +225,8 @@ def loops_beside(
         largest = float(jnp.max(jnp.abs(loops.force))) / most
         size = Size(jnp.asarray(largest), jnp.asarray(float(kind.positive)))
         problem = eqx.tree_at(lambda p: (p.unit, p.beside), alone.problem, (unit, size))
-        return searched(effect, problem, with_sizes(few, kind, largest, random), _FORCE_RUNS)
+        starts = with_sizes(few, kind, largest, random)
+        return searched(effect, problem, starts, settings().steady.loop_runs)
 
     return best_shape(kind, kind.shapes(Scales(loops.largest, 1.0)), at)
 
@@ -254,7 +246,7 @@ def loops_with_joint(alone: LoopFit, kind: Kind, sliders: Sequence[LoopFit]) -> 
     sliders : sequence of SteadyFit
         Those beside the joint, the best first.
     """
-    base = alone.problem
+    base, known = alone.problem, settings().steady
     force, deflection = float(jnp.ptp(base.loops.force)) / 2.0, base.loops.largest
     given = joint_parameters("other", Iwan4(*_joint(0.5 * force, deflection)))
     problem = LoopProblem(
@@ -268,13 +260,13 @@ def loops_with_joint(alone: LoopFit, kind: Kind, sliders: Sequence[LoopFit]) -> 
     )
     others = [
         _joint(share * force, slip * deflection)
-        for share, slip in itertools.product(_SHARES, _SLIPS)
+        for share, slip in itertools.product(known.loop_shares, known.loop_slips)
     ]
     starts = [np.append(alone.theta[:-1], other) for other in others]
-    for fit in sliders[: _JOINT_RUNS - 1]:
+    for fit in sliders[: known.loop_joint_runs - 1]:
         starts.insert(0, np.append(fit.theta[:-1], as_slider(fit)))
-    rows = np.resize(np.array(starts), (STARTS, len(starts[0])))
-    return searched(PlacedEffect(kind), problem, rows, _JOINT_RUNS)
+    rows = np.resize(np.array(starts), (known.starts, len(starts[0])))
+    return searched(PlacedEffect(kind), problem, rows, known.loop_joint_runs)
 
 
 def _joint(F_S: float, slip: float) -> np.ndarray:

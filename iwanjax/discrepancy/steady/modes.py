@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.effects import ForceKind, Kind
+from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.curves import AbstractCurvesProblem, as_measured
 from iwanjax.discrepancy.steady.cycle import CyclicForce, beside
 from iwanjax.discrepancy.steady.fit import (
@@ -37,33 +38,8 @@ from iwanjax.structures import JointedStructure
 from iwanjax.updating.problem import Measured, Reference
 from iwanjax.updating.structural import StructuralProblem, joint_parameters, structural_problem
 
-# Deflections that a force is worked out for, and how far they reach beyond what the joints alone
-# let happen.
-_DEFLECTIONS, _REACH = 64, 3.0
-# Starts of one search and those that are run: all searches share one compiled kernel.
-STARTS, _RUNS = 8, 2
-# Largest change that a force may make at first: of a frequency's square, and of damping over the
-# largest measured. Sizes of a score: decades below it, each so often.
-_SOFTEST, _DAMPED, _DECADES, _EACH = 0.5, 2.0, 4, 3
-# Sizes of the starts of a refit, over the one of the best score.
-_SIZES = (1.0, 0.5, 2.0, 0.1)
 # What a joint left out is called within the structure: one name, for one kernel.
 _LABEL = "left out"
-# Stiffnesses to begin with, over that by which a spring would change the modes as much as
-# amplitude does; and deflections at which all slips, over the largest there.
-_STIFFNESSES, _SLIPS = (1.0, 0.1, 10.0), (1.0, 0.1, 10.0)
-# Strengths and betas of a second search over what the first one found: far below macroslip they
-# lie in a long valley, along which a search ends anywhere.
-_AGAIN = (
-    (1.0, 1.0),
-    (0.7, 1.0),
-    (0.5, 1.0),
-    (0.5, 2.0),
-    (1.4, 1.0),
-    (2.0, 1.0),
-    (2.0, 0.5),
-    (1.0, 2.0),
-)
 
 
 class ModesProblem(AbstractCurvesProblem):
@@ -151,13 +127,18 @@ class ModesProblem(AbstractCurvesProblem):
 ModesFit = SteadyFit[ModesProblem]
 
 
+def _searched(effect: PlacedEffect | None, problem: ModesProblem, starts: np.ndarray) -> ModesFit:
+    known = settings().steady
+    return searched(effect, problem, starts, known.mode_runs, known.mode_starts)
+
+
 def modes_alone(
     base: StructuralProblem, draws: np.ndarray, added: tuple[int, ...] = ()
 ) -> ModesFit:
     """The joints alone, from draws of their parameters (starts, parameters)."""
     curves, modes = len(base.modes), base.structure.basis.omega2.size
-    nothing = jnp.zeros((curves, _DEFLECTIONS))
-    level = jnp.broadcast_to(jnp.linspace(0.0, 1.0, _DEFLECTIONS), nothing.shape)
+    nothing = jnp.zeros((curves, settings().steady.deflections))
+    level = jnp.broadcast_to(jnp.linspace(0.0, 1.0, nothing.shape[1]), nothing.shape)
     problem = ModesProblem(
         measured=base.measured,
         chart=base.chart,
@@ -172,7 +153,7 @@ def modes_alone(
     )
     starts = np.column_stack([draws, np.zeros(len(draws))])
     if base.chart.free:
-        return searched(None, problem, starts, _RUNS, STARTS)
+        return _searched(None, problem, starts)
     # A structure without joints is what it is.
     left = np.concatenate(SteadyFit(None, problem, starts[0], math.nan, math.nan).residuals())
     cost = float(np.sum(left**2))
@@ -214,7 +195,9 @@ def scored(alone: JointsAlone, kind: ForceKind, where: str, row: np.ndarray) -> 
         return None
     level, omega = jnp.log(_deflections(d)), np.asarray(_omega(base.measured))
     signs = np.array([1.0] if kind.positive else [1.0, -1.0])
-    shares = np.outer(signs, np.geomspace(1.0, 10.0**-_DECADES, _DECADES * _EACH + 1)).ravel()
+    known = settings().steady
+    count = known.decades * known.each + 1
+    shares = np.outer(signs, np.geomspace(1.0, 10.0**-known.decades, count)).ravel()
 
     def at(shape: float) -> ModesFit | None:
         effect = PlacedEffect(kind, shape, where)
@@ -225,7 +208,7 @@ def scored(alone: JointsAlone, kind: ForceKind, where: str, row: np.ndarray) -> 
         size = Size(jnp.asarray(largest), jnp.asarray(float(kind.positive)))
         problem = eqx.tree_at(lambda p: (p.level, p.unit, p.beside), there, (level, unit, size))
         # As many for all kinds, for one kernel.
-        sizes = np.resize(largest * shares, 2 * (_DECADES * _EACH + 1))
+        sizes = np.resize(largest * shares, 2 * count)
         costs = np.asarray(_left(problem, theta[:-1], jnp.asarray(sizes), jnp.asarray(alone.span)))
         costs = np.where(np.isfinite(costs), costs, math.inf)
         i = int(np.argmin(costs))
@@ -240,16 +223,18 @@ def modes_beside(alone: ModesFit, score: ModesFit, draws: np.ndarray) -> ModesFi
     """The joints and a force at a place, from its score and from some draws of the joints."""
     effect = score.effect
     assert effect is not None
-    sizes = score.theta[-1] * np.resize(_SIZES, STARTS)
-    joints = np.tile(alone.theta[:-1], (STARTS, 1))
-    # In either group of starts that a search compares there is one far away.
-    joints[len(_SIZES) - 1 :: len(_SIZES)] = draws[1:3]
+    known = settings().steady
+    sizes = score.theta[-1] * np.resize(known.sizes, known.mode_starts)
+    joints = np.tile(alone.theta[:-1], (known.mode_starts, 1))
+    # In each group of starts that a search compares there is one far away.
+    far = joints[len(known.sizes) - 1 :: len(known.sizes)]
+    far[:] = draws[1 : 1 + len(far)]
     starts = np.column_stack([joints, sizes])
 
     def at(shape: float) -> ModesFit:
         other = effect._replace(shape=shape)
         problem = score.problem if shape == effect.shape else score.problem.reshaped(other)
-        return searched(other, problem, starts, _RUNS, STARTS)
+        return _searched(other, problem, starts)
 
     first = at(effect.shape)
     return first if effect.shape_info is None else best_shape_near(first, at)
@@ -287,7 +272,7 @@ def modes_with_joint(
         Those at the place, the best first.
     """
     label, row = place
-    base = alone.problem.base
+    base, known = alone.problem.base, settings().steady
     structure = base.structure
     inside = np.abs(row @ np.asarray(structure.basis.Phi))[list(base.modes)]
     largest = [float(np.max(q)) * each for q, each in zip(base.levels, inside, strict=True)]
@@ -296,9 +281,9 @@ def modes_with_joint(
         return None
     guesses = [
         _joint(stiffness * k, max(largest) * slip)
-        for k, slip in itertools.product(_STIFFNESSES, _SLIPS)
+        for k, slip in itertools.product(known.stiffnesses, known.slips)
     ]
-    starts = np.array([*map(as_slider, sliders[:2]), *guesses][:STARTS])
+    starts = np.array([*map(as_slider, sliders[:2]), *guesses][: known.mode_starts])
     # Its parameters are the last of the joints', before the modes' damping.
     first = len(parameters) - len(base.modes)
     others = np.tile(alone.theta[:-1], (len(starts), 1))
@@ -314,8 +299,8 @@ def modes_with_joint(
 
     rough = fitted(given, own)
     # About the joint that was found: modes' own damping is worked out where that is stuck.
-    again = np.tile(rough.theta[:-1], (len(_AGAIN), 1))
-    again[:, [first, first + JOINT_VALUES - 1]] *= _AGAIN
+    again = np.tile(rough.theta[:-1], (len(known.again), 1))
+    again[:, [first, first + JOINT_VALUES - 1]] *= known.again
     try:
         fit = fitted(Iwan4(*rough.theta[first : first + JOINT_VALUES]), again)
     except InputError:
@@ -350,9 +335,9 @@ def _stiffness(curves: Sequence[ModalCurves], inside: np.ndarray) -> float:
 def _deflections(d: np.ndarray) -> np.ndarray:
     """Amplitudes that a force is worked out for, (curves, deflections)."""
     # A mode that hardly moves the place still has a row of its own.
-    floor = 1e-6 * d.max()
+    known, floor = settings().steady, 1e-6 * d.max()
     low, high = np.maximum(d.min(axis=1), floor), np.maximum(d.max(axis=1), 10.0 * floor)
-    return np.geomspace(low / _REACH, high * _REACH, _DEFLECTIONS, axis=1)
+    return np.geomspace(low / known.reach, high * known.reach, known.deflections, axis=1)
 
 
 def _unit(effect: PlacedEffect, level: Array, measured: Measured) -> Beside:
@@ -377,11 +362,11 @@ def _largest(unit: Beside, level: Array, d: np.ndarray, base: StructuralProblem)
     """
     omega2 = np.asarray(_omega(base.measured)) ** 2
     moved = (d / np.asarray(base.levels)) ** 2 / omega2[:, None]
-    shares = []
+    shares, known = [], settings().steady
     for c, part in enumerate(base.measured.slices):
         zeta = 2.0 * math.pi * float(np.max(np.asarray(base.measured.damping)[part]))
         at, x = np.log(np.maximum(d[c], 1e-300)), np.asarray(level)[c]
-        for told, most in ((unit.stiffness, _SOFTEST), (unit.loss, _DAMPED * zeta)):
+        for told, most in ((unit.stiffness, known.softest), (unit.loss, known.damped * zeta)):
             change = np.abs(np.interp(at, x, np.asarray(told)[c])) * moved[c]
             shares.append(float(change.max()) / most)
     return 1.0 / max(shares) if max(shares) > 0.0 else None

@@ -9,11 +9,9 @@ from typing import TypeVar
 import numpy as np
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.findings import CLEAR, Observable
+from iwanjax.discrepancy.findings import Observable
+from iwanjax.discrepancy.settings import settings
 from iwanjax.signals.force_loop import ForceLoop
-
-# Share of a curve's levels that have to differ clearly.
-_ENOUGH = 0.05
 
 T = TypeVar("T")
 
@@ -196,8 +194,8 @@ def clear_differences(run: CurveRun, mode: int, called: str) -> tuple[Observable
         for quantity in ("frequency", "damping"):
             y, std = (np.asarray(getattr(seen, quantity + end)) for end in ("", "_std"))
             off = np.asarray(getattr(model, quantity)) - y
-            clear = np.abs(off) > CLEAR * std
-            if clear.mean() > _ENOUGH:
+            clear = np.abs(off) > settings().judgement.clear * std
+            if clear.mean() > settings().steady.clear_share:
                 span = (float(x[clear].min()), float(x[clear].max()))
                 percent = 100.0 * float(np.median(off[clear] / y[clear]))
                 found.append(Observable(name, mode, quantity, span, percent, called))

@@ -10,7 +10,6 @@ import numpy as np
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.effects import ForceKind, Kind, kinds_of
 from iwanjax.discrepancy.findings import (
-    SURE,
     Errors,
     Estimate,
     Observable,
@@ -21,6 +20,7 @@ from iwanjax.discrepancy.findings import (
     alike,
 )
 from iwanjax.discrepancy.judgement import Misfit, judged, worse
+from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.fit import AnyFit, Fit, best_of
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
 from iwanjax.estimation.evidence import (
@@ -32,13 +32,6 @@ from iwanjax.estimation.evidence import (
 from iwanjax.estimation.parameters import Parameter
 from iwanjax.joints import ParameterInfo
 from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
-
-# Evidences closer than this cannot be told apart.
-_ALIKE = 3.0
-# Error over the noise's from which on something is left unexplained.
-_UNEXPLAINED = 1.25
-# Error of held-out recordings over their deviations that uncertain parameters may account for.
-_UNFORESEEN = 2.0
 
 T = TypeVar("T")
 Run = TypeVar("Run", CurveRun, ModesRun, LoopRun)
@@ -228,7 +221,7 @@ def determined(fit: AnyFit) -> bool:
     Of a joint left out either strength or stiffness: the one is not known where it only sticks,
     the other where it only slips.
     """
-    return bool(np.any(np.abs(fit.values[:2]) > SURE * fit.std()[:2]))
+    return bool(np.any(np.abs(fit.values[:2]) > settings().judgement.sure * fit.std()[:2]))
 
 
 def concluded(
@@ -305,7 +298,7 @@ def concluded(
         noise_floor_95=Errors(math.nan, math.nan),
         parameter_spread=Errors(math.nan, math.nan),
         refused=tuple(refused),
-        indistinguishable=alike(what, _ALIKE) if what else (),
+        indistinguishable=alike(what) if what else (),
         observables=observables(both[0]) if verdict.detected else (),
         scores=scores,
         joints=_refitted(chosen if listed else alone, parameters, where),
@@ -339,7 +332,10 @@ def _refitted(fit: AnyFit, parameters: Sequence[Parameter], name: str) -> tuple[
 
 def _misfit(errors: Errors, foreseen: Errors) -> Misfit:
     """Over what is no surprise."""
-    return Misfit(errors.fit / foreseen.fit, errors.hold_out / foreseen.hold_out / _UNFORESEEN)
+    return Misfit(
+        errors.fit / foreseen.fit,
+        errors.hold_out / foreseen.hold_out / settings().judgement.uncertain,
+    )
 
 
 def _errors(by_recording: Mapping[str, float], fitted: int) -> Errors:
@@ -356,14 +352,14 @@ def _warnings(after: Errors, foreseen: Errors, unknown: float, detected: bool) -
     if math.isnan(after.hold_out):
         told.append("No recording was held out, so nothing shows that the verdict holds")
     ratio = after.fit / foreseen.fit
-    if ratio > _UNEXPLAINED:
+    if ratio > settings().judgement.unexplained:
         rest = "also with it" if detected else "and nothing that was tried explains it"
         told.append(
             f"The fitted recordings are {ratio:.2g} times their deviations off, {rest} "
             f"(probability {unknown:.2f} that something else is missing)"
         )
     ratio = after.hold_out / foreseen.hold_out
-    if ratio > _UNFORESEEN:
+    if ratio > settings().judgement.uncertain:
         told.append(
             f"The held-out recordings are off by {ratio:.2g} times their deviations: either "
             "something acts there that those fitted do not show, or the joint was fitted to the "

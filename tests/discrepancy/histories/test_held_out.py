@@ -7,6 +7,7 @@ from iwanjax.discrepancy.histories.multistart import laid_out
 from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.problem import elapsed, rates
 from iwanjax.discrepancy.histories.validation import FreeRun, joined
+from iwanjax.discrepancy.history_settings import HISTORIES
 
 RNG = np.random.default_rng(3)
 
@@ -59,6 +60,7 @@ def loosening(monkeypatch):
     joint = SimpleNamespace(given=SimpleNamespace(parameters=parameters))
     problem = SimpleNamespace(
         parameters=4,
+        settings=HISTORIES,
         map=ParameterMap(4),
         recordings=3,
         directions=6,

@@ -9,10 +9,14 @@ from iwanjax.discrepancy.effects import CATALOGUE
 from iwanjax.discrepancy.histories import joint_faults
 from iwanjax.discrepancy.histories.likelihood import left_by_noise
 from iwanjax.discrepancy.histories.ranking import RankedFit
+from iwanjax.discrepancy.history_settings import HISTORIES
 
 N = 1000
 SEARCH = SimpleNamespace(
-    data=SimpleNamespace(weight=np.ones((1, N, 1))), noise=np.array([1.0]), predictor=None
+    data=SimpleNamespace(weight=np.ones((1, N, 1))),
+    noise=np.array([1.0]),
+    predictor=None,
+    settings=HISTORIES,
 )
 NOISE = left_by_noise(SEARCH)  # type: ignore[arg-type]
 GROUNDS = SimpleNamespace(in_time=lambda: True)

@@ -3,6 +3,7 @@ from types import SimpleNamespace
 import pytest
 
 from iwanjax.discrepancy.histories import slow_effects as long_memory
+from iwanjax.discrepancy.history_settings import HISTORIES
 
 NOISE = 1000.0
 
@@ -37,7 +38,7 @@ def looked(monkeypatch):
         monkeypatch.setattr(long_memory, "limited", lambda *args: None)
         monkeypatch.setattr(long_memory, "stuck", lambda *args: [])
         monkeypatch.setattr(long_memory, "placed", lambda entries: entries)
-        problem = SimpleNamespace()
+        problem = SimpleNamespace(settings=HISTORIES)
         entries = [
             SimpleNamespace(problem=problem, fitted=SimpleNamespace(start=start(i)))
             for i in range(len(suspects) - known, len(suspects))

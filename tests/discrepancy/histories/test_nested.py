@@ -172,7 +172,7 @@ def test_what_has_another_sign_or_place_or_is_no_limit_is_not_contained(searched
 
 def worse(base: RankedFit, entries: list[RankedFit]) -> list[str]:
     """Entries that cost more than one that they contain, and which."""
-    once = 1.0 + tolerance_of(base.fitted.time_constant)
+    once = 1.0 + tolerance_of(base.problem, base.fitted.time_constant)
     return [
         f"{e.fitted.hypothesis.label} > {o.fitted.hypothesis.label}"
         for e in entries

@@ -9,17 +9,14 @@ import pytest
 from linear_pair import RATE, M, N, hit, measured_force, model, simulated
 
 from iwanjax.discrepancy.effects import CATALOGUE, ForceKind
-from iwanjax.discrepancy.histories.conditioning import (
-    MODEL_ERROR,
-    ConditionedRecordings,
-    conditioned,
-)
+from iwanjax.discrepancy.histories.conditioning import ConditionedRecordings, conditioned
 from iwanjax.discrepancy.histories.multistart import multistart
 from iwanjax.discrepancy.histories.noise import noise_of, quietest
 from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
-from iwanjax.discrepancy.histories.recordings import BESIDE, StudyRecording, cleaned
+from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned
 from iwanjax.discrepancy.histories.validation import FreeRun, free_run
+from iwanjax.discrepancy.history_settings import CONDITIONING
 from iwanjax.signals.comparison_band import END, HALF, OF_NOISE
 
 AT, PEAK, SHARE = 0.1, 60.0, 0.02
@@ -72,7 +69,7 @@ def test_noise_of_a_force_is_that_beside_its_pulse():
     assert np.std(sizes) == pytest.approx(0.2 * 1.17 / math.sqrt(N / 4), rel=0.25)
     for each in found:
         acting = np.flatnonzero(each.clean[:, 0])
-        assert set(acting) <= set(range(each.first - BESIDE, each.last + 1))
+        assert set(acting) <= set(range(each.first - CONDITIONING.beside, each.last + 1))
         # All of the pulse that is six deviations of the noise high, and little beside it.
         assert set(np.flatnonzero(pulse > 12.0 * 0.2)) <= set(acting)
         assert len(acting) < 30
@@ -145,7 +142,7 @@ def test_weights_are_one_over_what_residuals_may_be(quantity):
     seen = hits.conditioned(known)
     weight = np.asarray(seen.data.weight)[0]
     rms = np.sqrt(np.mean(np.asarray(seen.data.response)[0] ** 2, axis=0))
-    expected = 1.0 / (OF_NOISE * np.sqrt(known**2 + (MODEL_ERROR * rms) ** 2))
+    expected = 1.0 / (OF_NOISE * np.sqrt(known**2 + (CONDITIONING.model_error * rms) ** 2))
     late = slice(round(AT * RATE) + 40, -HALF)
     np.testing.assert_allclose(weight[late], np.tile(expected, (len(weight[late]), 1)))
     assert not np.any(weight[:HALF])

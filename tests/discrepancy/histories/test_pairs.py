@@ -7,10 +7,14 @@ import pytest
 
 from iwanjax.discrepancy.histories import pairs
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
+from iwanjax.discrepancy.history_settings import HISTORIES
 
 N = 1000
 SEARCH = SimpleNamespace(
-    data=SimpleNamespace(weight=np.ones((1, N, 1))), noise=np.array([1.0]), predictor=None
+    data=SimpleNamespace(weight=np.ones((1, N, 1))),
+    noise=np.array([1.0]),
+    predictor=None,
+    settings=HISTORIES,
 )
 
 

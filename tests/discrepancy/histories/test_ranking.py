@@ -19,6 +19,7 @@ from iwanjax.discrepancy.histories.ranking import (
 )
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import compared
+from iwanjax.discrepancy.history_settings import HISTORIES
 from iwanjax.estimation.evidence import correlation_time
 from iwanjax.joints import PlaceMotion
 from iwanjax.signals.comparison_band import OF_NOISE
@@ -28,6 +29,7 @@ KINDS = {kind.name: kind for kind in reversed(kinds_of())}
 SEARCH = SimpleNamespace(
     data=SimpleNamespace(weight=np.ones((1, N, 1))),
     noise=np.array([np.sqrt(0.9)]),
+    settings=HISTORIES,
     predictor=SimpleNamespace(kept=5),
     map=ParameterMap(4),
     recordings=2,

@@ -28,6 +28,7 @@ from iwanjax.discrepancy.histories.problem import Hypothesis, Start
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, scored, settled
 from iwanjax.discrepancy.histories.selection import ModelSelection, concluded
 from iwanjax.discrepancy.histories.time_steps import Refined
+from iwanjax.discrepancy.history_settings import HISTORIES
 from iwanjax.estimation.levenberg_marquardt import Descent, Layout, SearchStart
 from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.estimation.multistart import alike
@@ -327,7 +328,8 @@ def test_ends_that_agree_are_taken_for_all_but_not_where_nothing_explains_the_re
 
     monkeypatch.setattr(restarts, "multistart", ends)
     scope = SimpleNamespace(in_time=lambda: True)
-    fits = restarts.scattered(None, range(8), math.inf, scope, everywhere)  # type: ignore[arg-type]
+    problem = SimpleNamespace(settings=HISTORIES)
+    fits = restarts.scattered(problem, range(8), math.inf, scope, everywhere)  # type: ignore[arg-type]
     assert fits[0].cost == least
     assert len(asked) == tried
 

@@ -97,7 +97,7 @@ def test_companions_of_other_levels_get_one_clear_line(signals):
 def test_another_mode_makes_a_joint_softer():
     joint = ij.Iwan4(F_S=1.0, K_T=1.0, chi=-0.5, beta=2.0)
     q, omega = jnp.full(4, 0.2 * joint.phi_max), jnp.asarray([1.0, 2.37])
-    found = moved_by_both(joint, q, q * jnp.asarray([0.0, 0.1, 1.0, 3.0]), omega, 2000)
+    found = moved_by_both(joint, q, q * jnp.asarray([0.0, 0.1, 1.0, 3.0]), omega, 2000, 32, 100)
     np.testing.assert_allclose(found.stiffness[1][0], 0.0, atol=1e-12)
     np.testing.assert_allclose(found.loss[0], 0.0, atol=1e-12)
     assert np.all(np.diff(found.stiffness[1]) < 0.0)

@@ -6,7 +6,7 @@ from concealed.structures import STRUCTURES, tangent_stiffness
 from scipy.linalg import eigh
 
 import iwanjax as ij
-from iwanjax.discrepancy.steady.diagnose_joint import OSCILLATOR_ERROR
+from iwanjax.discrepancy.settings import SteadySettings
 
 STROKES = np.geomspace(0.03, 1.0, 16) * 0.35
 """Of the joint, over macroslip."""
@@ -40,9 +40,9 @@ def curves_of_mode(structure, mode):
 @pytest.mark.parametrize(
     ("name", "mode", "least", "most"),
     [
-        ("oscillator", 0, 0.0, 0.1 * OSCILLATOR_ERROR),
-        ("chain3", 1, 0.5 * OSCILLATOR_ERROR, 2.0 * OSCILLATOR_ERROR),
-        ("chain3", 2, 0.5 * OSCILLATOR_ERROR, 2.0 * OSCILLATOR_ERROR),
+        ("oscillator", 0, 0.0, 0.1 * SteadySettings.model_error),
+        ("chain3", 1, 0.5 * SteadySettings.model_error, 2.0 * SteadySettings.model_error),
+        ("chain3", 2, 0.5 * SteadySettings.model_error, 2.0 * SteadySettings.model_error),
     ],
 )
 def test_an_oscillator_is_off_a_structures_mode_by_about_the_model_error(name, mode, least, most):
