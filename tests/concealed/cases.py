@@ -4,7 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from concealed.physics import Effect
+from concealed.effects import Effect
 from concealed.plan import Case, plan
 
 SIZES = Path(__file__).with_name("sizes.json")

@@ -21,7 +21,9 @@ from scipy.linalg import eigh
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from concealed.physics import Effect, Hit, measure
+from concealed.acquisition import measure
+from concealed.effects import Effect
+from concealed.physics import Hit
 from concealed.plan import scattered_joints
 from concealed.structures import STRUCTURES, Array, Iwan, Structure
 

@@ -9,55 +9,17 @@ Joints are banks of Jenkins sliders, exact for any path of their deflection.
 Nothing here is shared with the package under test.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from concealed.effects import LINEAR, Effect, Force, element
 from concealed.structures import Array, Iwan, Structure
-from numpy.typing import NDArray
 from scipy.linalg import eigh, expm
-from scipy.signal import firwin, upfirdn
 
-Force = Callable[[Array], Array]
-"""Force of a local element per recording, from its deflection per recording."""
-
-PARAMETERS: Mapping[str, tuple[str, ...]] = {
-    "stiffness_error": ("k",),
-    "mass_error": ("m",),
-    "viscous_damping": ("c",),
-    "cubic_stiffness": ("k3",),
-    "quadratic_stiffness": ("k2",),
-    "gap_contact": ("k", "gap", "sides"),  # one side: contact at positive deflections only
-    "bilinear_stiffness": ("dk",),
-    "coulomb_friction": ("k", "slip"),  # slip is the deflection at which the slider gives way
-    "iwan_joint": ("F_S", "K_T", "chi", "beta"),
-    "stiction": ("theta",),
-    "quadratic_damping": ("c2",),
-    "viscoelastic": ("k", "tau"),
-    "joint_drift": ("factor_F_S", "factor_K_T"),  # from each recording to the next
-    "sensor_gain": ("gain",),
-    "sensor_delay": ("intervals",),
-    "sensor_saturation": ("limit",),
-    "sensor_polarity": (),
-}
-LINEAR = ("stiffness_error", "mass_error", "viscous_damping")
-SENSOR = ("sensor_gain", "sensor_delay", "sensor_saturation", "sensor_polarity")
 SLIDERS = 160
 FILTER_SPAN = 13
 """Half length of the anti-alias filter, in sampling intervals."""
-
-
-@dataclass(frozen=True)
-class Effect:
-    """One concealed effect; a value is a number, or one number per recording."""
-
-    kind: str
-    where: str
-    values: tuple[float | Array, ...]
-
-    def each(self, recordings: int) -> list[Array]:
-        """Return every parameter as one number per recording."""
-        return [np.broadcast_to(np.asarray(v, float), (recordings,)) for v in self.values]
 
 
 @dataclass(frozen=True)
@@ -127,69 +89,14 @@ class JointBank:
         self.sliding = np.where(over, direction, 0.0)
 
 
-def _coulomb(k: Array, slip: Array) -> Force:
-    stretch, last = np.zeros_like(k), np.zeros_like(k)
-
-    def force(d: Array) -> Array:
-        np.clip(stretch + d - last, -slip, slip, out=stretch)
-        last[:] = d
-        return k * stretch
-
-    return force
-
-
-def _maxwell(k: Array, tau: Array, dt: float) -> Force:
-    """Spring and dashpot in series, exact for a deflection that is linear within a step."""
-    stretch, last = np.zeros_like(k), np.zeros_like(k)
-    decay = np.exp(-dt / tau)
-    gain = tau / dt * (1 - decay)
-
-    def force(d: Array) -> Array:
-        stretch[:] = decay * stretch + gain * (d - last)
-        last[:] = d
-        return k * stretch
-
-    return force
-
-
-def _gap(k: Array, gap: Array, sides: Array) -> Force:
-    other = sides > 1
-
-    def force(d: Array) -> Array:
-        pushed = np.maximum(d - gap, 0.0)
-        return k * (pushed - other * np.maximum(-d - gap, 0.0))
-
-    return force
-
-
-def _element(effect: Effect, recordings: int, dt: float) -> Force | None:
-    """Return the force of a local element of one deflection, or None for another kind."""
-    values = effect.each(recordings)
-    match effect.kind:
-        case "cubic_stiffness":
-            return lambda d: values[0] * d**3
-        case "quadratic_stiffness":
-            return lambda d: values[0] * d**2
-        case "bilinear_stiffness":
-            return lambda d: values[0] * np.maximum(d, 0.0)
-        case "gap_contact":
-            return _gap(*values)
-        case "coulomb_friction":
-            return _coulomb(*values)
-        case "viscoelastic":
-            return _maxwell(*values, dt)
-    return None
-
-
 def _bank(
-    structure: Structure, joints: Mapping[str, Iwan], effects: Sequence[Effect], hits: Sequence[Hit]
+    joints: Mapping[str, Iwan], effects: Sequence[Effect], order: Array
 ) -> tuple[list[str], JointBank, Array]:
     """Return the places of all Iwan joints, their bank, and the stiffness of each when stuck."""
-    count = len(hits)
+    count = len(order)
     places = list(joints)
-    values = np.stack([np.tile(joints[name], (count, 1)) for name in places], axis=1)
+    values = np.tile(np.reshape(list(joints.values()), (1, len(places), 4)), (count, 1, 1))
     theta = np.ones((count, len(places)))
-    order = np.array([hit.order for hit in hits])
     for effect in effects:
         if effect.kind == "stiction":
             theta[:, places.index(effect.where)] = effect.each(count)[0]
@@ -215,7 +122,7 @@ class Histories:
     deflection: Array
     """Of every Iwan joint, in the order of the structure's joints."""
     rows: Array
-    """Deflection of every row of the structure (only when asked for)."""
+    """Deflection of every row that is watched."""
 
 
 def _exact_step(
@@ -236,39 +143,38 @@ def _exact_step(
     return carried[: 2 * n], held - ramp, ramp
 
 
-def integrate(
+def march(
     structure: Structure,
     joints: Mapping[str, Iwan],
     effects: Sequence[Effect],
-    hits: Sequence[Hit],
-    oversampling: int | None = None,
-    watch_rows: bool = False,
+    inputs: Array,
+    dt: float,
+    order: Array,
+    watched: Sequence[Array] = (),
     thrown: Array | None = None,
 ) -> Histories:
-    """Accelerations of the sensors on the fine grid, before the measurement chain.
+    """Responses to the forces `inputs` (step, recording, input) at the structure's inputs.
 
     From rest, or from modal velocities (recording, mode) of the structure with its joints stuck.
+    `order` (recording,) is the position in the study, on which a drifting joint depends.
     """
-    oversampling = oversampling or structure.steps
-    count = len(hits)
-    dt = 1.0 / (structure.rate * oversampling)
-    steps = (structure.samples + FILTER_SPAN) * oversampling + 1
+    steps, count, _ = inputs.shape
     M, C, K = structure.M.copy(), structure.C.copy(), structure.K.copy()
     for effect in effects:
         if effect.kind in LINEAR:
             changed = {"stiffness_error": K, "mass_error": M, "viscous_damping": C}[effect.kind]
             row = structure.rows[effect.where]
             changed += float(effect.values[0]) * np.outer(row, row)  # type: ignore[arg-type]
-    places, bank, stuck = _bank(structure, joints, effects, hits)
+    places, bank, stuck = _bank(joints, effects, order)
     for place, K_T in zip(places, stuck, strict=True):
         K += K_T * np.outer(structure.rows[place], structure.rows[place])
 
     elements: list[tuple[int, Force]] = []
     drags: list[tuple[int, Array]] = []
     for effect in effects:
-        element = _element(effect, count, dt)
-        if element is not None:
-            elements.append((len(places), element))
+        law = element(effect, count, dt)
+        if law is not None:
+            elements.append((len(places), law))
             places.append(effect.where)
         elif effect.kind == "quadratic_damping":
             drags.append((len(places), effect.each(count)[0]))
@@ -278,7 +184,7 @@ def integrate(
     omega = np.sqrt(squared)
     n, local, joined = len(omega), len(places), len(stuck)
     damping = modes.T @ C @ modes
-    rows = np.stack([structure.rows[place] for place in places]) @ modes
+    rows = np.reshape([structure.rows[place] for place in places], (local, n)) @ modes
     sensors = np.stack(list(structure.sensors.values())) @ modes
     acting = np.vstack([rows, np.stack(list(structure.inputs.values())) @ modes])
     # What is seen of a state (omega q, v): deflections, their rates, accelerations without forces.
@@ -286,18 +192,15 @@ def integrate(
     rate = np.vstack([np.zeros((n, local)), rows.T])
     free = np.vstack([-omega[:, None] * sensors.T, -damping @ sensors.T])
     seen = np.hstack([deflection, rate, free])
-    if watch_rows:
-        every = np.stack(list(structure.rows.values())) @ modes
+    if len(watched):
+        every = np.stack(list(watched)) @ modes
         seen = np.hstack([seen, np.vstack([(every / omega).T, np.zeros_like(every.T)])])
     advance, old, new = _exact_step(omega, damping, acting, dt)
     step = np.vstack([advance, old]) @ np.hstack([np.eye(2 * n), seen])
     arrival = new @ np.hstack([np.eye(2 * n), seen])
     felt = arrival[:, 2 * n : 2 * n + 2 * local]
 
-    forces = np.zeros((steps, count, len(acting)))
-    time = np.arange(steps) / oversampling
-    for i, hit in enumerate(hits):
-        forces[:, i, local + list(structure.inputs).index(hit.place)] = hit.force(time)
+    forces = np.concatenate([np.zeros((steps, count, local)), inputs], axis=2)
     views = np.zeros((steps, count, seen.shape[1]))
     now = np.zeros((count, 2 * n + len(acting)))
     if thrown is not None:
@@ -310,8 +213,8 @@ def integrate(
         ahead = base[:, 2 * n : 2 * n + 2 * local] + force @ felt
         d = ahead[:, :joined]
         force[:, :joined] = stuck * d - bank.force(d)
-        for at, element in elements:
-            force[:, at] = -element(ahead[:, at])
+        for at, law in elements:
+            force[:, at] = -law(ahead[:, at])
         for at, c in drags:
             v = ahead[:, local + at]
             force[:, at] = -c * v * np.abs(v)
@@ -319,70 +222,42 @@ def integrate(
         now[:, : 2 * n] = base[:, : 2 * n]
         views[k] = base[:, 2 * n :]
 
-    response = views[..., 2 * local : 2 * local + len(sensors)] + forces @ (acting @ sensors.T)
-    struck = [local + list(structure.inputs).index(hit.place) for hit in hits]
     return Histories(
-        response=response,
-        force=forces[:, np.arange(count), struck],
+        response=views[..., 2 * local : 2 * local + len(sensors)] + forces @ (acting @ sensors.T),
+        force=inputs,
         deflection=views[..., : len(joints)],
         rows=views[..., 2 * local + len(sensors) :],
     )
 
 
-def decimate(signal: Array, samples: int, oversampling: int) -> Array:
-    """Zero-phase anti-alias filter at 0.4 of the sampling rate, and every sample of the result."""
-    taps = firwin(2 * FILTER_SPAN * oversampling + 1, 0.8 / oversampling, window=("kaiser", 8.0))
-    return upfirdn(taps, signal, down=oversampling, axis=0)[FILTER_SPAN : FILTER_SPAN + samples]
-
-
-def _delayed(signal: Array, steps: NDArray[np.int64]) -> Array:
-    """Shift each recording's history (step, recording) by its own number of fine steps."""
-    late = np.zeros_like(signal)
-    for i, by in enumerate(steps):
-        late[by:, i] = signal[: len(signal) - by, i]
-    return late
-
-
-def measure(
+def integrate(
     structure: Structure,
     joints: Mapping[str, Iwan],
     effects: Sequence[Effect],
     hits: Sequence[Hit],
     oversampling: int | None = None,
+    watch_rows: bool = False,
     thrown: Array | None = None,
-) -> tuple[Array, Array]:
-    """Responses (sample, recording, sensor) and forces (sample, recording), free of noise.
+) -> Histories:
+    """Accelerations of the sensors under hammer blows, before the measurement chain.
 
-    The filter is linear, so gain, polarity and delay act before it; saturation is the
-    recorder's and acts on what it records (see `saturate`).
+    Each recording's force is that of the one input that is struck.
     """
     oversampling = oversampling or structure.steps
-    fine = integrate(structure, joints, effects, hits, oversampling, thrown=thrown)
-    response = fine.response
-    labels = list(structure.sensors)
-    for effect in effects:
-        if effect.kind not in SENSOR:
-            continue
-        at, values = labels.index(effect.where), effect.each(len(hits))
-        if effect.kind == "sensor_gain":
-            response[..., at] *= values[0]
-        elif effect.kind == "sensor_polarity":
-            response[..., at] *= -1.0
-        elif effect.kind == "sensor_delay":
-            shift = np.rint(values[0] * oversampling).astype(int)
-            response[..., at] = _delayed(response[..., at], shift)
-    return (
-        decimate(response, structure.samples, oversampling),
-        decimate(fine.force, structure.samples, oversampling),
+    steps = (structure.samples + FILTER_SPAN) * oversampling + 1
+    time = np.arange(steps) / oversampling
+    inputs = np.zeros((steps, len(hits), len(structure.inputs)))
+    struck = [list(structure.inputs).index(hit.place) for hit in hits]
+    for i, (hit, at) in enumerate(zip(hits, struck, strict=True)):
+        inputs[:, i, at] = hit.force(time)
+    found = march(
+        structure,
+        joints,
+        effects,
+        inputs,
+        1.0 / (structure.rate * oversampling),
+        np.array([hit.order for hit in hits]),
+        list(structure.rows.values()) if watch_rows else (),
+        thrown,
     )
-
-
-def saturate(structure: Structure, effects: Sequence[Effect], response: Array) -> Array:
-    """Clip the overloaded sensors of responses (sample, recording, sensor)."""
-    response = response.copy()
-    for effect in effects:
-        if effect.kind == "sensor_saturation":
-            at = list(structure.sensors).index(effect.where)
-            limit = effect.each(response.shape[1])[0]
-            response[..., at] = np.clip(response[..., at], -limit, limit)
-    return response
+    return replace(found, force=inputs[:, np.arange(len(hits)), struck])

@@ -9,7 +9,8 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from concealed.physics import Effect, Hit
+from concealed.effects import Effect
+from concealed.physics import Hit
 from concealed.structures import STRUCTURES, Iwan, Structure
 
 Wanted = tuple[str, str, str]

@@ -16,9 +16,11 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from concealed.physics import LINEAR, Effect, decimate, integrate, measure, saturate
+from concealed.acquisition import decimate, measure, saturate
+from concealed.effects import LINEAR, Effect
+from concealed.physics import integrate
 from concealed.plan import Case, Wanted, plan
-from concealed.structures import Array, tangent_stiffness
+from concealed.structures import Array, Structure, tangent_stiffness
 
 SIZES = Path(__file__).with_name("sizes.json")
 BANDS = {"plain": (0.6, 1.1), "medium": (0.18, 0.36), "weak": (0.05, 0.09)}
@@ -50,7 +52,7 @@ def _responses(case: Case, effects: tuple[Effect, ...], count: int) -> Array:
     response, _ = measure(
         case.structure, case.true, effects, [case.hardest] * count, oversampling=OVERSAMPLING
     )
-    return saturate(case.structure, effects, response)
+    return saturate("sensor", list(case.structure.sensors), effects, response)
 
 
 def _search(case: Case, wanted: Wanted, rng: np.random.Generator) -> Search:
@@ -61,14 +63,21 @@ def _search(case: Case, wanted: Wanted, rng: np.random.Generator) -> Search:
     if kind == "joint_drift":
         return Search(lambda s: (1 - s, 1 - 0.25 * s), 0.005, 0.35)
     structure = case.structure
+    fine = integrate(structure, case.true, (), [case.hardest], OVERSAMPLING, watch_rows=True)
+    path = fine.rows[:, 0, list(structure.rows).index(where)]
+    path = decimate(path[:, None], structure.samples, OVERSAMPLING)[:, 0]
+    return scaled(structure, kind, where, path, rng)
+
+
+def scaled(
+    structure: Structure, kind: str, where: str, path: Array, rng: np.random.Generator
+) -> Search:
+    """An effect by the structure's stiffness at its place and the deflections (sample,) there."""
     row = structure.rows[where]
     stuck = tangent_stiffness(structure)
     stiffness = 1 / (row @ np.linalg.solve(stuck, row))
     mobility = row @ np.linalg.solve(structure.M, row)
     omega = np.sqrt(stiffness * mobility)
-    fine = integrate(structure, case.true, (), [case.hardest], OVERSAMPLING, watch_rows=True)
-    path = fine.rows[:, 0, list(structure.rows).index(where)]
-    path = decimate(path[:, None], structure.samples, OVERSAMPLING)[:, 0]
     deflection = float(np.abs(path).max())
     velocity = float(np.abs(np.gradient(path)).max() * structure.rate)
     share = float(rng.uniform(0.25, 0.5))
@@ -119,7 +128,7 @@ def _changes(case: Case, wanted: Wanted, search: Search, sizes: Array, without: 
     return np.array(changes)
 
 
-def _crossing(sizes: Array, changes: Array, target: float) -> tuple[float, float]:
+def crossing(sizes: Array, changes: Array, target: float) -> tuple[float, float]:
     """Neighbouring sizes between which the change first passes the target (or the largest)."""
     for i in range(1, len(sizes)):
         if not np.isfinite(changes[i]):
@@ -167,7 +176,7 @@ def find(case: Case, wanted: Wanted) -> Found:
     target = float(np.exp(rng.uniform(*np.log(band))))
     for count in (9, 7, 5):
         sizes = np.geomspace(low, high, count)
-        low, high = _crossing(sizes, _changes(case, wanted, search, sizes, without), target)
+        low, high = crossing(sizes, _changes(case, wanted, search, sizes, without), target)
     size = np.array([np.sqrt(low * high)])
     change = float(_changes(case, wanted, search, size, without)[0])
     values = tuple(float(np.ravel(value)[0]) for value in search.build(size[0]))

@@ -15,8 +15,8 @@ import yaml
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from concealed.acquisition import measure, saturate
 from concealed.cases import CASES
-from concealed.physics import measure, saturate
 from concealed.plan import SETS, Case
 from concealed.structures import Structure
 
@@ -24,7 +24,7 @@ FORCE_NOISE = 0.001
 """Standard deviation of the force's noise over the recording's own peak force."""
 
 
-def _model(structure: Structure) -> dict[str, np.ndarray]:
+def model_arrays(structure: Structure) -> dict[str, np.ndarray]:
     named = {"row": structure.rows, "sensor": structure.sensors, "input": structure.inputs}
     arrays: dict[str, np.ndarray] = {"M": structure.M, "C": structure.C, "K": structure.K}
     for name, rows in named.items():
@@ -89,12 +89,12 @@ def write(case: Case, folder: Path) -> None:
     noise = case.noise * float(np.sqrt(np.mean(response[:, hardest] ** 2)))
     rng = np.random.default_rng(case.seed)
     response = response + noise * rng.standard_normal(response.shape)
-    response = saturate(structure, case.effects, response)
+    response = saturate("sensor", list(structure.sensors), case.effects, response)
     level = FORCE_NOISE * np.abs(force).max(axis=0)
     force = force + level * rng.standard_normal(force.shape)
 
     folder.mkdir(parents=True, exist_ok=True)
-    np.savez(folder / "model.npz", **_model(structure))  # type: ignore[arg-type]
+    np.savez(folder / "model.npz", **model_arrays(structure))  # type: ignore[arg-type]
     clock = np.arange(structure.samples) / structure.rate
     for i in range(len(case.hits)):
         np.savez(

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import yaml
 from concealed.cases import CASES, SIZES
+from concealed.effects import Effect
 from concealed.modal import MODAL_CASES
 from concealed.modal import write as write_modal
-from concealed.physics import Effect, Hit, JointBank, integrate, slider_bank
+from concealed.physics import Hit, JointBank, integrate, slider_bank
 from concealed.plan import plan
 from concealed.sizing import refusal
 from concealed.structures import chain
