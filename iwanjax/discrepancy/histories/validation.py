@@ -23,7 +23,7 @@ from iwanjax.discrepancy.histories.problem import (
 from iwanjax.discrepancy.histories.ranking import RankedFit, doubted, missing, ranked
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.judgement import worse
-from iwanjax.signals.comparison_band import OF_NOISE
+from iwanjax.signals.comparison_band import CORRELATION, OF_NOISE, over_pairs
 
 
 class FreeRun(NamedTuple):
@@ -41,7 +41,7 @@ class FreeRun(NamedTuple):
         Mean square that the sensors' noise and the forces' leave, summed over the samples.
     scatter : (recordings,) array
         Variance of that sum: the forces' noise goes a few ways only, and so may leave much more
-        than its mean.
+        than its mean; that of the sensors varies by the number of their samples.
     unsure : (recordings,) array
         The same of what the fitted recordings leave open of the parameters: linearised, and of
         where macroslip begins.
@@ -167,15 +167,19 @@ def _free(
     if np.any(decays):
         rows = with_states_of_decays(here, fitted.hypothesis, rows, decays)
     (seen,) = linearise(here, [(fitted.hypothesis, rows)], math.inf)
-    left = (OF_NOISE * those.noise[:, None, :]) ** 2
-    own = np.sum(np.where(weight > 0, left, 0.0), axis=(1, 2))
+    compared, variance = (weight > 0).astype(float), those.noise**2
+    own = OF_NOISE**2 * np.sum(np.sum(compared, axis=1) * variance, axis=1)
     # What the forces' noise does to the state after the pulse, of deviation 1 each.
     kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]
     # A decay's state was estimated from itself: noise leaves it little to be wrong by.
     kicked[decays[:count]] = 0.0
     gram = np.einsum("rins,rjns->rij", kicked, kicked)
     own = own + np.einsum("rii->r", gram)
-    scatter = 2.0 * np.sum(gram**2, axis=(1, 2))
+    # Of Gaussian errors with covariance S the variance of the sum of squares is 2 tr(S S); here
+    # S is that of the sensors' noise, which the band correlates, plus that of the kicks.
+    sensors = np.sum(over_pairs(compared, CORRELATION**2) * variance**2, axis=1)
+    both = np.sum(over_pairs(kicked, CORRELATION) * variance[:, None, :], axis=(1, 2))
+    scatter = 2.0 * (sensors + 2.0 * both + np.sum(gram**2, axis=(1, 2)))
     known, slopes = _open(problem, fitted, places, np.asarray(seen.slopes)[:count])
     slopes = slopes / safe[:, None]
     open_to = np.einsum("rins,rjns->rij", slopes, slopes)

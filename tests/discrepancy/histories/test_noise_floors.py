@@ -17,7 +17,7 @@ from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned
 from iwanjax.discrepancy.histories.validation import FreeRun, free_run
 from iwanjax.discrepancy.history_settings import CONDITIONING
-from iwanjax.signals.comparison_band import END, HALF, OF_NOISE
+from iwanjax.signals.comparison_band import CORRELATION, END, HALF, OF_NOISE, in_band, over_pairs
 
 AT, PEAK, SHARE = 0.1, 60.0, 0.02
 BEFORE = round(AT * RATE) - 28
@@ -123,15 +123,33 @@ def test_the_floor_is_what_a_right_model_leaves(quantity, force_noise):
         assert np.std(shares) == pytest.approx(expected, rel=0.35)
 
 
-def test_of_noise_in_the_force_one_case_of_twenty_exceeds_the_floor():
-    """Where that is most of the noise: it goes a few ways only, and may leave much more."""
-    hits = Hits("velocity", 2.0)
-    hits.noise = 0.1 * hits.noise
+@pytest.mark.parametrize(
+    ("response", "force_noise", "above"), [(1.0, 0.0, 1.02), (0.1, 2.0, 1.3), (1.0, 1.0, 1.1)]
+)
+def test_one_right_model_of_twenty_exceeds_the_floor_of_95_per_cent(response, force_noise, above):
+    """Of the sensors' noise alone, which varies little; of the force's, which goes a few ways
+    only and may leave much more; of both. The sensors' is known."""
+    hits = Hits("velocity", force_noise)
+    hits.noise = response * hits.noise
     runs = [hits.run(hits.noise) for _ in range(80)]
     exceeded = sum(each.relative > each.floor_95 for each in runs)
-    assert np.mean([each.floor_95 / each.floor for each in runs]) > 1.3
+    assert np.mean([each.floor_95 / each.floor for each in runs]) > above
     # Binomial: 4 expected, three deviations of 1.9.
     assert abs(exceeded - 4.0) < 3.0 * math.sqrt(80 * 0.05 * 0.95)
+
+
+def test_pairs_of_samples_are_those_of_the_bands_own_matrix():
+    """By the filter as a matrix; with gaps, and with fewer samples than it is long."""
+    random = np.random.default_rng(6)
+    for count in (20, 150):
+        band = np.asarray(in_band(jnp.eye(count + 2 * HALF)))[HALF:-HALF]
+        covariance = band @ band.T
+        x = random.standard_normal((3, count, 2)) * (random.random((3, count, 2)) > 0.2)
+        for found, matrix in (
+            (over_pairs(x, CORRELATION), covariance),
+            (over_pairs(x, CORRELATION**2), covariance**2),
+        ):
+            np.testing.assert_allclose(found, np.einsum("wis,ij,wjs->ws", x, matrix, x), atol=1e-10)
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
