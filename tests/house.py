@@ -33,7 +33,7 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 10,
     "config": 19,
-    "discrepancy": 51,
+    "discrepancy": 52,
     "dynamics": 15,
     "estimation": 13,
     "files": 6,

@@ -192,9 +192,7 @@ def diagnose_histories(
             others = [entry.fitted for entry in comparable[1:]]
             restoring = attempted(
                 "recovering the restoring force",
-                lambda: restoring_force(
-                    problem, followed(problem), comparable[0].fitted, 0, others
-                ),
+                lambda: restoring_force(problem, comparable[0].fitted, 0, others),
                 None,
                 failures,
             )
