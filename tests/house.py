@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
     "class names used twice": 0,
-    "tuned numbers": 774,
+    "tuned numbers": 786,
     "tuned numbers without a comment": 147,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
@@ -33,7 +33,7 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 10,
     "config": 19,
-    "discrepancy": 54,
+    "discrepancy": 53,
     "dynamics": 16,
     "estimation": 13,
     "files": 6,

@@ -75,6 +75,9 @@ class RestoringForce:
         Samples, opposing a growing deflection.
     centre, middle, spread : (bins,) array
         Medians of the force in bins of x, and deviations of a sample about them.
+    deviation : (bins,) array
+        By how much the medians may be off the force that acted, one deviation: that of a
+        sample, as errors of neighbours are alike.
     laws : dict of str to (bins,) array
         Medians, in the same bins, of what the chosen kind and its rivals there would do in the
         same motion.
@@ -88,6 +91,7 @@ class RestoringForce:
     centre: np.ndarray = field(repr=False)
     middle: np.ndarray = field(repr=False)
     spread: np.ndarray = field(repr=False)
+    deviation: np.ndarray = field(repr=False)
     laws: dict[str, np.ndarray] = field(repr=False)
 
 

@@ -94,55 +94,6 @@ class ConditioningSettings:
 
 
 @dataclass(frozen=True)
-class InitialStateSettings:
-    """When a beginning counts as rest, and a cycle as steady.
-
-    ``unknown`` is the safe answer: it costs some parameters, a wrong ``rest`` costs the verdict.
-
-    Attributes
-    ----------
-    deviations : float
-        Largest sample, in deviations of white noise, that is no motion: one in 16 000 is larger.
-    coloured : float
-        Root mean square before a trigger over that of white noise that is still noise: sensors'
-        own noise rises towards low frequencies.
-    motionless : float
-        Share of a channel's root mean square that is no motion whatever the noise is, before a
-        trigger: the error that a right model may have.
-    first_motionless, first_moving : float
-        The same of a single first sample, and the share from which on it is motion however
-        noisy the sensor is: what moves passes zero too, one cut of a
-        single displacement in sixty is taken for rest.
-    second_moving : float
-        The same share of the second sample: what passes zero moves on, what is at rest hardly.
-    begins : float
-        Share of its peak at which a force that never ends begins.
-    repeats : float
-        Change of a force from period to period, as share of it, that is noise.
-    steady : float
-        Change of a response from period to period, as share of it, that is none.
-    settled : float
-        Change from the first period to the second over that of later ones, from which on the
-        first is not steady yet.
-    joins : float
-        Step from the last sample to the first over the root mean square of all steps, up to
-        which a record without a shorter period may be one period.
-    """
-
-    deviations: float = 4.0
-    coloured: float = 3.0
-    motionless: float = 0.002
-    first_motionless: float = 0.01
-    first_moving: float = 0.05
-    second_moving: float = 0.2
-    begins: float = 1e-3
-    repeats: float = 0.1
-    steady: float = 0.01
-    settled: float = 2.0
-    joins: float = 4.0
-
-
-@dataclass(frozen=True)
 class SelectionSettings:
     """Which hypotheses are tried, from where, and which of them go on.
 

@@ -192,6 +192,8 @@ def plot_places(diagnosis: Diagnosis) -> Figure:
 def plot_restoring(diagnosis: Diagnosis) -> Figure:
     """The force recovered at the suspect's place, with the chosen law and its rivals.
 
+    The band holds the force that acted, at 95 %; bars are how samples scatter within a bin.
+
     Parameters
     ----------
     diagnosis : Diagnosis
@@ -212,6 +214,15 @@ def plot_restoring(diagnosis: Diagnosis) -> Figure:
     figure, ax = plt.subplots(figsize=(SINGLE_COLUMN, 2.8), layout="constrained")
     set_up(ax)
     ax.plot(found.x, found.force, ".", color="0.75", markersize=1.5, rasterized=True)
+    ax.fill_between(
+        found.centre,
+        found.middle - 2.0 * found.deviation,
+        found.middle + 2.0 * found.deviation,
+        color=PALETTE[0],
+        alpha=0.25,
+        linewidth=0.0,
+        label="recovered, 95 %",
+    )
     ax.errorbar(
         found.centre,
         found.middle,

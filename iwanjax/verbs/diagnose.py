@@ -101,9 +101,8 @@ def _pictures(
         plots.append((caption, "prediction", plot_prediction))
     if verdict.restoring is not None:
         caption = (
-            "What the place needs: the chosen law and what the recordings leave beside it, sample "
-            "by sample. From velocities it bends away from the law where that is wrong; from "
-            "accelerations it does not, and is no evidence for the law. Lines are the laws fitted."
+            "The force that acted at the place, recovered sample by sample; the band holds it at "
+            "95 %. A law that leaves the band is wrong there; lines are the laws fitted."
         )
         plots.append((caption, "restoring_force", plot_restoring))
     if verdict.scores:

@@ -23,10 +23,14 @@ def test_a_rival_far_beyond_what_a_place_needs_does_not_set_the_scale():
         x,
         x**3,
         0.0 * x,
+        0.1 + 0.0 * x,
         {"cubic_stiffness": x**3, "stiffness_error": 50.0 * x},
     )
     (ax,) = plot_restoring(SimpleNamespace(restoring=found)).axes
     assert ax.get_ylim() == pytest.approx((-2.0, 2.0))
+    (band,) = (each for each in ax.collections if each.get_label() == "recovered, 95 %")
+    edges = band.get_paths()[0].get_extents()
+    assert (edges.y0, edges.y1) == pytest.approx((-1.2, 1.2))
     plt.close("all")
 
 

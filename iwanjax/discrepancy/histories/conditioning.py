@@ -8,13 +8,14 @@ from typing import Any
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.histories.noise import noise_of, quietest
 from iwanjax.discrepancy.histories.observer import state_at_beginning
 from iwanjax.discrepancy.histories.predictor import Data, Predictor
 from iwanjax.discrepancy.histories.recordings import (
     CleanForce,
     StudyRecording,
     cleaned,
+    noise_of,
+    quietest,
 )
 from iwanjax.discrepancy.history_settings import CONDITIONING, ConditioningSettings
 from iwanjax.dynamics.coordinates import ModalCoordinates

@@ -17,12 +17,11 @@ from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.estimates import estimates
 from iwanjax.discrepancy.histories.initial_state import initial_state, unsteady
 from iwanjax.discrepancy.histories.joint_priors import Joint
-from iwanjax.discrepancy.histories.noise import common_noise
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import Quantity, predictor
 from iwanjax.discrepancy.histories.ranking import Scope, containing
-from iwanjax.discrepancy.histories.recordings import StudyRecording
+from iwanjax.discrepancy.histories.recordings import StudyRecording, common_noise
 from iwanjax.discrepancy.histories.refitted import (
     beyond_trust,
     corrected_model,
@@ -196,9 +195,7 @@ def diagnose_histories(
             others = [entry.fitted for entry in comparable[1:]]
             restoring = attempted(
                 "recovering the restoring force",
-                lambda: restoring_force(
-                    problem, followed(problem), comparable[0].fitted, 0, others
-                ),
+                lambda: restoring_force(problem, comparable[0].fitted, 0, others),
                 None,
                 failures,
             )

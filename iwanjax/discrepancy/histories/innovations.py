@@ -94,7 +94,7 @@ def innovations(
 
     ``gain`` of zeros is the free run.
     """
-    return _run(predictor, joints, suspects, values, gain, data, lambda motion: None)[0]
+    return _run(predictor, joints, suspects, values, gain, data, lambda *_: None)[0]
 
 
 def motions(
@@ -106,8 +106,44 @@ def motions(
     data: Data,
 ) -> PlaceMotion:
     """What the suspects' places do meanwhile, (N substeps, slots); dt for each step."""
-    motion = _run(predictor, joints, suspects, values, gain, data, lambda motion: motion)[1]
+    motion = _run(predictor, joints, suspects, values, gain, data, lambda motion, _: motion)[1]
     return PlaceMotion(*(x.reshape(-1, *x.shape[2:]) for x in motion))
+
+
+class AtSamples(NamedTuple):
+    """A run, at each sample.
+
+    Attributes
+    ----------
+    e : (N, sensors) array
+        Innovations.
+    d, v, a : (N, slots) array
+        Deflections, rates and accelerations of the suspects' places, as predicted.
+    force : (N, slots) array
+        What the suspects oppose them with.
+    """
+
+    e: Float[Array, "N sensors"]
+    d: Float[Array, "N slots"]
+    v: Float[Array, "N slots"]
+    a: Float[Array, "N slots"]
+    force: Float[Array, "N slots"]
+
+
+def at_samples(
+    predictor: Predictor,
+    joints: tuple[AbstractJoint, ...],
+    suspects: Suspects,
+    values: Values,
+    gain: Float[Array, "states sensors"],
+    data: Data,
+) -> AtSamples:
+    """Innovations, with what the suspects' places do and the suspects do to them."""
+    e, (motion, force) = _run(
+        predictor, joints, suspects, values, gain, data, lambda motion, force: (motion, force)
+    )
+    d, v, a, force = (x[:, -1] for x in (motion.d, motion.v, motion.a, force))
+    return AtSamples(e, d, v, a, force)
 
 
 def _run(
@@ -117,16 +153,17 @@ def _run(
     values: Values,
     gain: Array,
     data: Data,
-    kept: Callable[[PlaceMotion], Any],
+    kept: Callable[[PlaceMotion, Array], Any],
 ) -> tuple[Array, Any]:
-    """Innovations, and what is kept of the places' motion at each step."""
+    """Innovations, and what is kept of the places' motion and the suspects' forces at each step."""
     predictor = predictor.with_errors(values.z)
     run = _Run.of(predictor, joints, suspects, values, data.push)
     kick = data.unsure @ values.state
 
     def step(at: _State, felt: Array) -> tuple[_State, Any]:
         at, motion = run.step(at, felt)
-        return at, kept(motion)
+        first, last = predictor.joints.shape[0], run.mobility.shape[0]
+        return at, kept(motion, -at.g[first:last])
 
     def sample(at: _State, measured: tuple[Array, ...]) -> tuple[_State, tuple[Array, Any]]:
         push, felt, y, kicked = measured

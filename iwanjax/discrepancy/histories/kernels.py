@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import shipped
-from iwanjax.discrepancy.histories.innovations import innovations, motions
+from iwanjax.discrepancy.histories.innovations import AtSamples, at_samples, innovations, motions
 from iwanjax.discrepancy.histories.joint_priors import Joint, joints_at, parameters_of
 from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.predictor import Data, Predictor, Suspects, Values
@@ -64,6 +64,26 @@ def residuals(
         made = joints_at(joints, values.z)
         found = innovations(predictor, made, suspects, values, gain, data)
         return _whole(in_band(found) * data.weight, data), found
+
+    return jax.vmap(one)(theta, data)
+
+
+@_kept
+def observed(
+    predictor: Predictor,
+    joints: tuple[Joint, ...],
+    suspects: Suspects,
+    theta: Float[Array, "recordings values"],
+    gain: Float[Array, "states sensors"],
+    data: Data,
+) -> AtSamples:
+    """Innovations of each recording, with what the suspects' places do meanwhile."""
+    parameters = predictor.errors + parameters_of(joints)
+    slots = suspects.row.shape[0]
+
+    def one(theta: Array, data: Data) -> AtSamples:
+        values = ParameterMap(parameters).split(theta, slots)
+        return at_samples(predictor, joints_at(joints, values.z), suspects, values, gain, data)
 
     return jax.vmap(one)(theta, data)
 

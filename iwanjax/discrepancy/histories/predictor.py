@@ -214,26 +214,18 @@ class Predictor(eqx.Module):
         r = self.kept
         P = np.asarray(self.joints)[:, :r]
         softer = stiffness - np.asarray(self.stiffness)
-        rows = np.asarray(suspects.row)[:, :r]
-        linear = {
-            kind.name: np.asarray(suspects.force)[:, i] * sizes for i, kind in enumerate(self.kinds)
-        }
-        zero = np.zeros(len(rows))
-
-        def of(name: str) -> np.ndarray:
-            return (rows.T * linear.get(name, zero)) @ rows
-
         C = np.asarray(self.C)
         lower = np.hstack(
             [
-                -np.diag(self.omega2) - (P.T * softer) @ P - of("stiffness_error"),
-                -(C if C.ndim == 2 else np.diag(C)) - of("viscous_damping"),
+                -np.diag(self.omega2)
+                - (P.T * softer) @ P
+                - self._of("stiffness_error", suspects, sizes),
+                -(C if C.ndim == 2 else np.diag(C)) - self._of("viscous_damping", suspects, sizes),
             ]
         )
-        lower = np.linalg.solve(np.eye(r) + of("mass_error"), lower)
+        lower = np.linalg.solve(self._inertia(suspects, sizes), lower)
         A = np.vstack([np.hstack([np.zeros((r, r)), np.eye(r)]), lower])
-        gains = 1.0 + np.einsum("s,sk->k", sizes, np.asarray(suspects.chain)[:, 0])
-        Y = np.asarray(self.sensors) * gains[:, None]
+        Y = self._shown(suspects, sizes)
         blank = np.zeros_like(Y)
         seen = {
             "displacement": np.hstack([Y, blank]),
@@ -241,6 +233,42 @@ class Predictor(eqx.Module):
             "acceleration": Y @ lower,
         }[self.quantity]
         return A, seen
+
+    def opposed(
+        self, row: np.ndarray, suspects: Suspects, sizes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What a force of 1 that opposes a place's deflection does to the state and the sensors.
+
+        Parameters
+        ----------
+        row : (modes,) array
+            The place's.
+        suspects, sizes
+            As for :meth:`linear`.
+
+        Returns
+        -------
+        (2 kept,), (sensors,) array
+            Rate of the state, and what the sensors see at once.
+        """
+        rate = -np.linalg.solve(self._inertia(suspects, sizes), row[: self.kept])
+        at_once = self._shown(suspects, sizes) @ rate * (self.quantity == "acceleration")
+        return np.concatenate([np.zeros(self.kept), rate]), at_once
+
+    def _of(self, name: str, suspects: Suspects, sizes: np.ndarray) -> np.ndarray:
+        """Modal matrix of the suspects of one linear kind."""
+        rows = np.asarray(suspects.row)[:, : self.kept]
+        force = np.asarray(suspects.force)
+        own = sum((force[:, i] for i, kind in enumerate(self.kinds) if kind.name == name), 0.0)
+        return (rows.T * (own * sizes)) @ rows
+
+    def _inertia(self, suspects: Suspects, sizes: np.ndarray) -> np.ndarray:
+        return np.eye(self.kept) + self._of("mass_error", suspects, sizes)
+
+    def _shown(self, suspects: Suspects, sizes: np.ndarray) -> np.ndarray:
+        """What the sensors see of the modes, their gains as they are."""
+        gains = 1.0 + np.einsum("s,sk->k", sizes, np.asarray(suspects.chain)[:, 0])
+        return np.asarray(self.sensors) * gains[:, None]
 
 
 def predictor(

@@ -226,6 +226,12 @@ class HistoryProblem:
         """State matrix and what the sensors see, with other values and beside suspects."""
         return self._systems([suspects], values[None])[0]
 
+    def opposed(
+        self, row: np.ndarray, suspects: Suspects, values: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What a force of 1 that opposes a place's deflection does to state and sensors."""
+        return self.predictor.opposed(row, suspects, self._sizes(suspects, values))
+
     def _systems(
         self, suspects: Sequence[Suspects], theta: np.ndarray
     ) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -238,11 +244,13 @@ class HistoryProblem:
             stiffness.append(np.asarray(tangents(self.joints, jax.device_put(padded)))[: len(part)])
         found = []
         for own, row, k in zip(suspects, theta, np.concatenate(stiffness), strict=True):
-            size = row[self.map.sizes(own.row.shape[0])]
-            logarithmic = np.asarray(own.logarithmic) > 0
-            size = np.where(logarithmic, np.exp(np.minimum(size, 50.0)), size)
-            found.append(self.predictor.linear(k, own, size))
+            found.append(self.predictor.linear(k, own, self._sizes(own, row)))
         return found
+
+    def _sizes(self, suspects: Suspects, values: np.ndarray) -> np.ndarray:
+        size = values[self.map.sizes(suspects.row.shape[0])]
+        logarithmic = np.asarray(suspects.logarithmic) > 0
+        return np.where(logarithmic, np.exp(np.minimum(size, 50.0)), size)
 
 
 class Gains(NamedTuple):

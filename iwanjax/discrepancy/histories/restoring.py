@@ -1,5 +1,7 @@
 """The force that a place lacks, recovered from recordings, beside the laws that may explain it."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,30 +9,33 @@ from jaxtyping import Array
 
 from iwanjax.discrepancy.effects import ForceKind, shipped
 from iwanjax.discrepancy.findings import RestoringForce
-from iwanjax.discrepancy.histories.linearise import residuals_at
+from iwanjax.discrepancy.histories.force_smoother import (
+    ForcedModel,
+    Seen,
+    augmented,
+    likeliest,
+    smoothed,
+)
+from iwanjax.discrepancy.histories.innovations import AtSamples
+from iwanjax.discrepancy.histories.kernels import observed
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit
-from iwanjax.discrepancy.histories.places import Followed
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
 from iwanjax.discrepancy.history_settings import IllustrationSettings
 from iwanjax.joints import PlaceMotion
 from iwanjax.kernels import Kept
+from iwanjax.signals.comparison_band import OF_NOISE
 
 
 def restoring_force(
-    problem: HistoryProblem,
-    seen: Followed,
-    best: HypothesisFit,
-    slot: int,
-    rivals: list[HypothesisFit],
+    problem: HistoryProblem, best: HypothesisFit, slot: int, rivals: list[HypothesisFit]
 ) -> RestoringForce | None:
-    """The force that the best model's joints leave unexplained at the suspect's place.
+    """The force that acts at the suspect's place, whatever law is suspected there.
 
-    The best model follows the recording with a short memory. What accelerometers then show
-    beyond it is a force over the inertia that it meets (with other sensors, what the observer
-    has to add to the modal velocities at every sample); with the suspect's own force it makes
-    what the place needs: a partial residual. From velocities it bends away from the law where that
-    is wrong. From accelerations it does not: their innovations hold the observer's own errors of
-    state as well, and what is recovered beyond the law says nothing of what lacks.
+    The best model follows the recording of the largest deflection with a short memory. What acts
+    at the place is the force that the model applies there, and an unknown one that explains,
+    with the errors of the state, what the innovations show; it is smoothed from all of them
+    (:mod:`~iwanjax.discrepancy.histories.force_smoother`), joints and other suspects at their
+    tangents. Where the law is wrong the force bends away from it, whatever the sensors measure.
     Samples of a pulse are left out; where a force acts throughout, what it does is in the
     prediction, and all samples count.
 
@@ -42,50 +47,147 @@ def restoring_force(
     kind = best.hypothesis.kinds[slot]
     if not isinstance(kind, ForceKind):
         return None
-    kept, theta = problem.predictor.kept, best.theta
-    gain = problem.gains(
-        [best.hypothesis.suspects], theta.mean(axis=0)[None], SHORT_TIME_CONSTANT
-    ).gain[0]
-    (residual,) = residuals_at(problem, [(best.hypothesis, theta)], SHORT_TIME_CONSTANT)
-    weight = np.asarray(problem.data.weight)
-    e = np.where(weight > 0, residual / np.where(weight > 0, weight, 1.0), 0.0)
-    row = np.asarray(best.hypothesis.suspects.row)[slot, :kept]
-    d, v = seen.q @ row, seen.v @ row
-    hardest = int(np.argmax(np.max(np.abs(d), axis=1)))
-    dt = float(problem.predictor.dt) * problem.predictor.substeps
-    if problem.predictor.quantity == "acceleration":
-        felt = np.asarray(problem.predictor.sensors) @ row / problem.noise**2
-        left = -(e[hardest] @ felt) / float(felt @ (np.asarray(problem.predictor.sensors) @ row))
-    else:
-        left = -(e[hardest] @ gain[kept:].T @ row) / (dt * float(row @ row))
+    weight = np.asarray(problem.data.weight)[..., 0]
+    gain, run = _followed(problem, best)
+    deflection = np.where(weight > 0, np.abs(run.d[..., slot]), 0.0)
+    hardest = int(np.argmax(np.max(deflection, axis=1)))
+    used = weight[hardest] > 0
+    end = int(np.flatnonzero(used)[-1]) + 1
+    own = AtSamples(*(x[hardest, :end] for x in run))
+    found = _recovered(problem, best, slot, hardest, gain, own)
     quiet = ~np.any(np.asarray(problem.data.push)[hardest] != 0, axis=(1, 2))
-    used, known = weight[hardest, :, 0] > 0, problem.settings.illustration
+    known = problem.settings.illustration
     if np.count_nonzero(used & quiet) >= known.bins * known.fewest:
         used &= quiet
-    d, v = d[hardest], v[hardest]
-    a = np.gradient(v, dt)
+    used = used[:end]
+    row = np.asarray(best.hypothesis.suspects.row)[slot, : problem.predictor.kept]
+    dt = float(problem.predictor.dt) * problem.predictor.substeps
     laws = {}
     for fit in [best, *rivals]:
-        law = _law(problem, fit, row, d, v, a, dt)
+        law = _law(problem, fit, row, found.motion, dt)
         if law is not None:
             laws.setdefault(law[0], law[1][used])
-    force = left[used] + laws[kind.name]
-    moving = {"deflection": d[used], "rate": v[used], "acceleration": a[used]}
-    over = max(moving, key=lambda name: _explained(moving[name], laws[kind.name], known.bins))
-    x = moving[over]
+    moving = found.motion[:, used]
+    axis = int(np.argmax([_explained(x, laws[kind.name], known.bins) for x in moving]))
+    x, force = moving[axis], found.force[used]
     centre, middle, spread = _binned(x, force, known)
-    medians = {name: _binned(x, law, known)[1] for name, law in laws.items()}
-    where = best.hypothesis.where[slot]
-    return RestoringForce(kind.name, where, over, x, force, centre, middle, spread, medians)
+    both = found.covariance[used][:, [axis, -1]][..., [axis, -1]]
+    deviation = _off_the_curve(both, x, force, known)
+    return RestoringForce(
+        kind.name,
+        best.hypothesis.where[slot],
+        ("deflection", "rate", "acceleration")[axis],
+        x,
+        force,
+        centre,
+        middle,
+        spread,
+        _binned(x, deviation, known)[1],
+        {name: _binned(x, law, known)[1] for name, law in laws.items()},
+    )
+
+
+def _followed(problem: HistoryProblem, fit: HypothesisFit) -> tuple[np.ndarray, AtSamples]:
+    """Gain of an observer with a short memory, and its run through all recordings."""
+    suspects, theta = fit.hypothesis.suspects, fit.theta
+    mean = theta.mean(axis=0)[None]
+    gain = problem.gains([suspects], mean, SHORT_TIME_CONSTANT, slopes=False).gain[0]
+    varied = jax.device_put((theta, gain))
+    run = observed(problem.predictor, problem.joints, suspects, *varied, problem.data)
+    return gain, jax.device_get(run)
+
+
+class _Recovered(NamedTuple):
+    """Of a place: deflection, rate and acceleration (3, N); force (N,); covariance (N, 4, 4)."""
+
+    motion: np.ndarray
+    force: np.ndarray
+    covariance: np.ndarray
+
+
+def _recovered(
+    problem: HistoryProblem,
+    fit: HypothesisFit,
+    slot: int,
+    recording: int,
+    gain: np.ndarray,
+    run: AtSamples,
+) -> _Recovered:
+    """What a run is off by, smoothed from its innovations, and added to it."""
+    predictor, suspects, theta = problem.predictor, fit.hypothesis.suspects, fit.theta[recording]
+    kept, end, row = predictor.kept, len(run.e), np.asarray(suspects.row)[slot]
+    # The force that the suspect applied is known: what it was off by is in the unknown one.
+    others = suspects._replace(force=suspects.force.at[slot].set(0.0))
+    A, H = problem.system(others, theta)
+    B, D = problem.opposed(row, others, theta)
+    model = ForcedModel(A, B, H, D)
+    kick, unsure = (np.asarray(x)[recording] for x in (problem.data.kick, problem.data.unsure))
+    jump = unsure @ theta[problem.map.end(len(suspects.row)) :]
+    e = np.asarray(run.e)
+    seen = Seen(
+        e,
+        _precision(problem, recording)[:end],
+        -e @ gain.T,
+        kick[:end] > 0,
+        (-jump, unsure @ unsure.T),
+    )
+    dt = float(predictor.dt) * predictor.substeps
+    prior = likeliest(model, seen, dt, 1.0 / _slowest(A, end * dt))
+    own, left = row[:kept], row[kept:]
+    watched = np.zeros((4, 2 * kept + 2))
+    watched[0, :kept], watched[0, -2] = own, -(left * np.asarray(predictor.left)) @ left
+    watched[1, kept:-2] = own
+    watched[2, :-2], watched[2, -2] = own @ A[kept:], own @ B[kept:]
+    watched[3, -2] = 1.0
+    system = augmented(model, prior.tau, np.asarray(prior.deviation), dt)
+    off, covariance = smoothed(system, seen, watched)
+    there = np.stack([x[:, slot] for x in (run.d, run.v, run.a, run.force)])
+    # A run knows of an uncertain state's error only after it is at that sample.
+    there[:3] += np.outer(watched[:3, :-2] @ jump, kick[:end])
+    there += off.T
+    return _Recovered(there[:3], there[3], prior.scale * covariance)
+
+
+def _precision(problem: HistoryProblem, recording: int) -> np.ndarray:
+    """One over the deviations of noise and of what a force's errors add to it, (N, sensors).
+
+    The allowance for the model's own errors, the same at all samples, is left out: that of the
+    noise is estimated.
+    """
+    weight = np.asarray(problem.data.weight)[recording] * OF_NOISE
+    usual = np.max(weight, axis=0)
+    on = weight > 0
+    more = 1.0 / np.where(on, weight, usual) ** 2 - 1.0 / usual**2
+    return on / np.sqrt(problem.noise**2 + more)
+
+
+def _slowest(A: np.ndarray, duration: float) -> float:
+    """Angular frequency of the slowest mode that turns once in a recording, rad/s."""
+    least = 2.0 * np.pi / duration
+    turns = np.abs(np.linalg.eigvals(A))
+    return float(np.min(turns[turns >= least], initial=np.max(turns, initial=least)))
+
+
+def _off_the_curve(
+    covariance: np.ndarray, x: np.ndarray, force: np.ndarray, known: IllustrationSettings
+) -> np.ndarray:
+    """Deviations of a force over x from its own curve, (N,), where x is uncertain as well.
+
+    Along a curve of slope k the force is off it by as much as its error less k times that of x.
+    """
+    centre, middle, _ = _binned(x, force, known)
+    if len(centre) < 2:
+        return np.sqrt(covariance[:, 1, 1])
+    slope = np.interp(x, centre, np.gradient(middle, centre))
+    ways = np.stack([-slope, np.ones_like(slope)], axis=1)
+    return np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", ways, covariance, ways), 0.0))
 
 
 def _law(
     problem: HistoryProblem,
     fit: HypothesisFit,
     row: np.ndarray,
-    d: np.ndarray,
-    v: np.ndarray,
-    a: np.ndarray,
+    motion: np.ndarray,
     dt: float,
 ) -> tuple[str, np.ndarray] | None:
     """Name and force of a fit's suspect at this very place, in this motion."""
@@ -95,7 +197,7 @@ def _law(
         if not isinstance(kind, ForceKind) or not np.array_equal(own, row):
             continue
         size, shape = hypothesis.physical(fit.theta.mean(axis=0), problem.map, slot)
-        moving = np.stack([d, v, a, np.diff(d, prepend=0.0)])
+        moving = np.concatenate([motion, np.diff(motion[:1], prepend=0.0)])
         fixed = np.asarray(shape), moving, np.asarray(dt)
         unit = np.asarray(_forces(kind, *jax.device_put(fixed))[0])
         return kind.name, unit * size

@@ -10,8 +10,13 @@ from struck_mass import N, resolution
 
 from iwanjax.discrepancy.histories import ranking
 from iwanjax.discrepancy.histories.joint_priors import of_logarithm
-from iwanjax.discrepancy.histories.noise import common_noise, noise_of
-from iwanjax.discrepancy.histories.recordings import StudyRecording, before_force, cleaned
+from iwanjax.discrepancy.histories.recordings import (
+    StudyRecording,
+    before_force,
+    cleaned,
+    common_noise,
+    noise_of,
+)
 from iwanjax.discrepancy.histories.time_steps import StudyData
 from iwanjax.discrepancy.history_settings import CONDITIONING, HISTORIES
 from iwanjax.joints import Iwan4

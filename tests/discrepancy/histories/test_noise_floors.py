@@ -11,10 +11,9 @@ from linear_pair import RATE, M, N, hit, measured_force, model, simulated
 from iwanjax.discrepancy.effects import CATALOGUE, ForceKind
 from iwanjax.discrepancy.histories.conditioning import ConditionedRecordings, conditioned
 from iwanjax.discrepancy.histories.multistart import multistart
-from iwanjax.discrepancy.histories.noise import noise_of, quietest
 from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
-from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned
+from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned, noise_of, quietest
 from iwanjax.discrepancy.histories.validation import FreeRun, free_run
 from iwanjax.discrepancy.history_settings import CONDITIONING
 from iwanjax.signals.comparison_band import CORRELATION, END, HALF, OF_NOISE, in_band, over_pairs

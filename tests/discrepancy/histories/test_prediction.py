@@ -19,7 +19,6 @@ from iwanjax.discrepancy.histories.innovations import DELAY_NODES, chain, change
 from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.linearise import innovations, linearise, residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
-from iwanjax.discrepancy.histories.noise import common_noise
 from iwanjax.discrepancy.histories.observer import (
     observer_gain,
     process_noise,
@@ -29,7 +28,7 @@ from iwanjax.discrepancy.histories.observer import (
 from iwanjax.discrepancy.histories.places import followed, places_of
 from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
-from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned
+from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned, common_noise
 from iwanjax.dynamics.parabolic_hold import hold
 from iwanjax.signals.comparison_band import in_band
 

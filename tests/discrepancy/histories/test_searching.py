@@ -21,11 +21,11 @@ from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
 from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.discrepancy.histories.nested import with_nested_laws
-from iwanjax.discrepancy.histories.noise import noise_of
 from iwanjax.discrepancy.histories.predictor import Suspects
 from iwanjax.discrepancy.histories.probing import pointed_at, probed
 from iwanjax.discrepancy.histories.problem import Hypothesis, Start
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, scored, settled
+from iwanjax.discrepancy.histories.recordings import noise_of
 from iwanjax.discrepancy.histories.selection import ModelSelection, concluded
 from iwanjax.discrepancy.histories.time_steps import Refined
 from iwanjax.discrepancy.history_settings import HISTORIES
