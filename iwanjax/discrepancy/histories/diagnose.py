@@ -153,6 +153,7 @@ def diagnose_histories(
             entry, failures, replaced=replaced or not scope.in_time()
         ),
     )
+    table = table.by_evidence()
     allowed = numbers.conditioning.model_error
     verdict = judged(
         table.nominal.behind + LEAST_GAIN,
