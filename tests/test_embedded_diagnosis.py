@@ -51,6 +51,8 @@ def test_the_concealed_spring_is_found_and_predicts_the_hit_held_out(verdict):
 
 def test_the_next_best_explanation_is_next_by_evidence(verdict):
     """All are excluded here: one more than another by hundreds of thousands."""
+    behind = [each.log_evidence for each in verdict.what]
+    assert behind == sorted(behind, reverse=True)
     rival = max(verdict.what[1:], key=lambda each: each.log_evidence)
     assert (rival.kind.name, rival.where) == ("gap_contact", "m3-ground")
     said = noun(rival.kind, rival.where)

@@ -33,9 +33,9 @@ class Diagnosis(AbstractResult):
         Nothing missing, something missing or undecided, with the probabilities that it rests on.
         Headline, JSON and report follow from it.
     what : tuple of Suspect
-        By probability. The first is what is missing where that has a name; where the verdict is
-        undecided, what was tried with the most success. Empty when nothing is missing, and when
-        nothing that was tried is likelier than that.
+        By probability, and where that is the same by evidence. The first is what is missing where
+        that has a name; where the verdict is undecided, what was tried with the most success.
+        Empty when nothing is missing, and when nothing that was tried is likelier than that.
     before, after, noise_floor : Errors
         Free-run errors of the model with its joints refitted, with the first of ``what`` added,
         and what sensor and force noise alone leave.
@@ -236,11 +236,9 @@ class Diagnosis(AbstractResult):
                 doubts.append(f"These data cannot tell {each.label} from {', '.join(rivals)}")
         others = [each for each in self.what if each not in self.found]
         if self.verdict.found and others and not doubts:
-            # Among those whose probability is nought the evidence still decides.
-            rival = max(others, key=lambda each: (each.probability, each.log_evidence))
-            next_best = noun(rival.kind, rival.where)
-            likely = f"has a probability of {rival.probability:.2g}"
-            out = rival.probability < settings().judgement.excluded
+            next_best = noun(others[0].kind, others[0].where)
+            likely = f"has a probability of {others[0].probability:.2g}"
+            out = others[0].probability < settings().judgement.excluded
             doubts.append(
                 f"The next best explanation, {next_best}, {'is excluded' if out else likely}"
             )

@@ -69,8 +69,10 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
         labels = [f"{each.kind.name}\n{each.where}" for each in shown]
         behind = [diagnosis.what[0].log_evidence - each.log_evidence for each in shown]
         rows = np.arange(len(labels))[::-1]
-        rivals.barh(rows, np.maximum(behind, 0.5), color=PALETTE[0], height=0.6)
-        rivals.set_xscale("log")
+        rivals.barh(rows, behind, color=PALETTE[0], height=0.6)
+        # From nought, which the first is behind itself, and beyond 1 by powers of ten.
+        rivals.set_xscale("symlog", linthresh=1.0)
+        rivals.set_xlim(0.0, max(1.0, rivals.get_xlim()[1]))
         rivals.set_yticks(rows, labels, fontsize=6)
         rivals.set_xlabel("Log evidence behind the first (–)")
     return figure

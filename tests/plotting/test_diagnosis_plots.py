@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.findings import RestoringForce
-from iwanjax.plotting.diagnosis import plot_restoring
+from iwanjax.plotting.diagnosis import plot_diagnosis, plot_restoring
 from iwanjax.plotting.fit import plain_ticks
 
 
@@ -31,6 +31,25 @@ def test_a_rival_far_beyond_what_a_place_needs_does_not_set_the_scale():
     (band,) = (each for each in ax.collections if each.get_label() == "recovered, 95 %")
     edges = band.get_paths()[0].get_extents()
     assert (edges.y0, edges.y1) == pytest.approx((-1.2, 1.2))
+    plt.close("all")
+
+
+@pytest.mark.parametrize("behind", [[0.0], [0.0, 0.3], [0.0, 40.0, 2.5e5]])
+def test_the_first_suspect_is_nought_behind_itself(behind):
+    kind = SimpleNamespace(name="cubic_stiffness")
+    run = SimpleNamespace(floors=lambda: {"hit": 0.01}, floors_95=lambda: {"hit": 0.02})
+    what = [
+        SimpleNamespace(kind=kind, where=f"m{i}", log_evidence=-x) for i, x in enumerate(behind)
+    ]
+    shown = SimpleNamespace(by_recording={"hit": (0.3, 0.02)}, what=what, runs=(run, run))
+    figure = plot_diagnosis(shown)
+    figure.canvas.draw()
+    rivals = figure.axes[1]
+    # Their ends on paper: the first is on the axis, where the axis says nought.
+    ends = [bar.get_window_extent().x1 for bar in rivals.patches]
+    assert ends == pytest.approx([rivals.transData.transform((x, 0.0))[0] for x in behind])
+    assert ends[0] == pytest.approx(rivals.get_window_extent().x0)
+    assert {0.0, 1.0} <= set(rivals.get_xticks())
     plt.close("all")
 
 

@@ -164,6 +164,7 @@ def diagnose_histories(
             entry, failures, replaced=replaced or not scope.in_time()
         ),
     )
+    table = table.by_evidence()
     allowed = math.hypot(numbers.conditioning.model_error, 0.0 if trust is None else trust.shapes)
     verdict = judged(
         table.nominal.behind + LEAST_GAIN,

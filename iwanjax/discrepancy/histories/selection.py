@@ -79,6 +79,10 @@ class ModelSelection(NamedTuple):
         """The model to go on with."""
         return self.entries[0] if self.detected else self.nominal
 
+    def by_evidence(self) -> "ModelSelection":
+        """The same, its entries in order: those left with a shorter memory came by their fits."""
+        return self._replace(entries=tuple(sorted(self.entries, key=lambda e: -e.behind)))
+
 
 def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     """The whole competition with the memory that fits are compared with.

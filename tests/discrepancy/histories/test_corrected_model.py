@@ -2,6 +2,7 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from struck_mass import JOINT, NAMES, RATE, N, pulse, searching, struck
@@ -13,12 +14,14 @@ from iwanjax.discrepancy.histories.linearise import innovations
 from iwanjax.discrepancy.histories.multistart import multistart
 from iwanjax.discrepancy.histories.ranking import RankedFit
 from iwanjax.discrepancy.histories.refitted import corrected_model
+from iwanjax.dynamics.coordinates import modal_coordinates
 
 FINE = 16
 ROW = np.ones(1)
 GIVEN = ij.JointedStructure(
     ij.LinearStructure(np.eye(1), 2.5 * np.eye(1), 3e4 * np.eye(1)), {"J1": (ROW, JOINT)}
 )
+MODAL = modal_coordinates(GIVEN, jnp.ones((1, 1)), jnp.ones((1, 1)), None)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +33,7 @@ def problem():
 def agrees(problem, start):
     """The corrected model, after its prediction and its integration were compared."""
     (fitted,) = multistart(problem, [start], math.inf, 0)
-    model = corrected_model(GIVEN, RankedFit(problem, fitted), {"m1": ROW, "J1": ROW})
+    model = corrected_model(GIVEN, RankedFit(problem, fitted), {"m1": ROW, "J1": ROW}, MODAL)
     measured = np.asarray(problem.data.response)[0]
     off = innovations(problem, fitted.hypothesis, fitted.theta, math.inf)[0]
     push = np.array([[pulse(i / (RATE * FINE))] for i in range(N * FINE)])
