@@ -148,7 +148,7 @@ def test_rooms_beside_each_other_share_only_what_is_in_neither(module):
     [
         ("histories.ranking", "steady.fit.SteadyFit"),
         ("steady.fit", "histories.ranking"),
-        ("judgement", "histories.noise.common_noise"),
+        ("judgement", "histories.recordings.common_noise"),
         ("judgement", "steady"),
     ],
 )
