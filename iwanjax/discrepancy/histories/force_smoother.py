@@ -217,8 +217,8 @@ def smoothed(system: Augmented, seen: Seen, watched: np.ndarray) -> tuple[np.nda
 def likeliest(model: ForcedModel, seen: Seen, dt: float, longest: float) -> ForcePrior:
     """The prior of the force that makes what was measured most likely.
 
-    Deviations are looked for to a quarter, from what no data can tell from none to what explains
-    more than there is; correlation times to a factor of two, downwards from the longest.
+    To a decade of its deviation, from none that data can tell to one that explains all of them,
+    and a factor of two of its correlation time; :func:`closer` goes on from there.
 
     Parameters
     ----------
@@ -229,27 +229,43 @@ def likeliest(model: ForcedModel, seen: Seen, dt: float, longest: float) -> Forc
     dt : float
         Between samples, s.
     longest : float
-        Correlation time of a force that follows the slowest mode, s: of what is slower still the
-        data say little, and with accelerations alone the force would drift.
+        Correlation time to begin with, s: of a force that follows the slowest mode. Of what is
+        slower still the data say little, and with accelerations alone the force would drift.
+
+    Raises
+    ------
+    ValueError
+        For what is not finite.
     """
+    if not np.all(np.isfinite(seen.y)):
+        raise ValueError("the model's run beside the recording is not finite")
 
-    def best(tau: float, deviations: np.ndarray) -> ForcePrior:
-        values, scales = likelihoods(augmented(model, tau, deviations, dt), seen)
-        at = int(np.argmax(values))
-        return ForcePrior(float(values[at]), float(scales[at]), float(deviations[at]), tau)
-
-    def coarse(tau: float) -> ForcePrior:
+    def of_time(tau: float) -> ForcePrior:
         least, most = _range(model, seen, tau, dt)
-        return best(tau, np.geomspace(least, most, 2 + int(math.log10(most / least))))
+        deviations = np.geomspace(least, most, 2 + int(math.log10(most / least)))
+        return _best(model, seen, dt, tau, deviations)
 
-    found = coarse(longest)
+    found = of_time(longest)
     while found.tau > dt:
-        shorter = coarse(0.5 * found.tau)
+        shorter = of_time(0.5 * found.tau)
         if shorter <= found:
             break
         found = shorter
-    # Between its neighbours, each at most a decade off.
-    return max(found, best(found.tau, found.deviation * np.geomspace(0.1, 10.0, 11)))
+    return found
+
+
+def closer(model: ForcedModel, seen: Seen, dt: float, prior: ForcePrior) -> ForcePrior:
+    """The same with its deviation to a quarter, between the neighbours of what was found."""
+    deviations = prior.deviation * np.geomspace(0.1, 10.0, 11)
+    return max(prior, _best(model, seen, dt, prior.tau, deviations))
+
+
+def _best(
+    model: ForcedModel, seen: Seen, dt: float, tau: float, deviations: np.ndarray
+) -> ForcePrior:
+    values, scales = likelihoods(augmented(model, tau, deviations, dt), seen)
+    at = int(np.argmax(values))
+    return ForcePrior(float(values[at]), float(scales[at]), float(deviations[at]), tau)
 
 
 def _range(model: ForcedModel, seen: Seen, tau: float, dt: float) -> tuple[float, float]:

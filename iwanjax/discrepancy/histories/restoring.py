@@ -11,8 +11,10 @@ from iwanjax.discrepancy.effects import ForceKind, shipped
 from iwanjax.discrepancy.findings import RestoringForce
 from iwanjax.discrepancy.histories.force_smoother import (
     ForcedModel,
+    ForcePrior,
     Seen,
     augmented,
+    closer,
     likeliest,
     smoothed,
 )
@@ -31,11 +33,12 @@ def restoring_force(
 ) -> RestoringForce | None:
     """The force that acts at the suspect's place, whatever law is suspected there.
 
-    The best model follows the recording of the largest deflection with a short memory. What acts
-    at the place is the force that the model applies there, and an unknown one that explains,
-    with the errors of the state, what the innovations show; it is smoothed from all of them
+    An observer of the best model follows the recording of the largest deflection. What acts at
+    the place is the force that the model applies there, and an unknown one that explains, with
+    the errors of the state, what the innovations show; it is smoothed from all of them
     (:mod:`~iwanjax.discrepancy.histories.force_smoother`), joints and other suspects at their
-    tangents. Where the law is wrong the force bends away from it, whatever the sensors measure.
+    tangents. Where the law is wrong the force bends away from it, whatever the sensors measure;
+    its deviation allows for noise, not for errors of the model at other places.
     Samples of a pulse are left out; where a force acts throughout, what it does is in the
     prediction, and all samples count.
 
@@ -47,24 +50,19 @@ def restoring_force(
     kind = best.hypothesis.kinds[slot]
     if not isinstance(kind, ForceKind):
         return None
-    weight = np.asarray(problem.data.weight)[..., 0]
-    gain, run = _followed(problem, best)
-    deflection = np.where(weight > 0, np.abs(run.d[..., slot]), 0.0)
-    hardest = int(np.argmax(np.max(deflection, axis=1)))
-    used = weight[hardest] > 0
-    end = int(np.flatnonzero(used)[-1]) + 1
-    own = AtSamples(*(x[hardest, :end] for x in run))
-    found = _recovered(problem, best, slot, hardest, gain, own)
+    run, prior = _closest(problem, best, slot)
+    found = _recovered(problem, best, slot, run, prior)
+    hardest, end = run.recording, len(found.force)
+    used = np.asarray(problem.data.weight)[hardest, :, 0] > 0
     quiet = ~np.any(np.asarray(problem.data.push)[hardest] != 0, axis=(1, 2))
     known = problem.settings.illustration
     if np.count_nonzero(used & quiet) >= known.bins * known.fewest:
         used &= quiet
     used = used[:end]
     row = np.asarray(best.hypothesis.suspects.row)[slot, : problem.predictor.kept]
-    dt = float(problem.predictor.dt) * problem.predictor.substeps
     laws = {}
     for fit in [best, *rivals]:
-        law = _law(problem, fit, row, found.motion, dt)
+        law = _law(problem, fit, row, found.motion, run.dt)
         if law is not None:
             laws.setdefault(law[0], law[1][used])
     moving = found.motion[:, used]
@@ -87,14 +85,74 @@ def restoring_force(
     )
 
 
-def _followed(problem: HistoryProblem, fit: HypothesisFit) -> tuple[np.ndarray, AtSamples]:
-    """Gain of an observer with a short memory, and its run through all recordings."""
-    suspects, theta = fit.hypothesis.suspects, fit.theta
-    mean = theta.mean(axis=0)[None]
-    gain = problem.gains([suspects], mean, SHORT_TIME_CONSTANT, slopes=False).gain[0]
-    varied = jax.device_put((theta, gain))
-    run = observed(problem.predictor, problem.joints, suspects, *varied, problem.data)
-    return gain, jax.device_get(run)
+class _Run(NamedTuple):
+    """An observer's run through one recording, and the linear model of what it is off by."""
+
+    recording: int
+    at: AtSamples
+    jump: np.ndarray
+    model: ForcedModel
+    seen: Seen
+    dt: float
+    longest: float
+
+
+def _closest(problem: HistoryProblem, fit: HypothesisFit, slot: int) -> tuple[_Run, ForcePrior]:
+    """The run whose linear model explains its innovations best, of shorter and shorter memories.
+
+    Were the model linear, all memories would tell the same. The closer a run keeps to the
+    recording, the less joints are off their tangents; too close, it follows the noise.
+    """
+    memory = SHORT_TIME_CONSTANT
+    best = _run(problem, fit, slot, memory)
+    prior = likeliest(best.model, best.seen, best.dt, best.longest)
+    while True:
+        memory *= 0.25
+        try:
+            run = _run(problem, fit, slot, memory, best.recording)
+            now = likeliest(run.model, run.seen, run.dt, prior.tau)
+        # No observer of so short a memory, or none that is stable.
+        except (np.linalg.LinAlgError, ValueError):
+            break
+        # Less than a factor of e is rounding, or no matter.
+        if now.likelihood < prior.likelihood + 1.0:
+            break
+        best, prior = run, now
+    return best, closer(best.model, best.seen, best.dt, prior)
+
+
+def _run(
+    problem: HistoryProblem,
+    fit: HypothesisFit,
+    slot: int,
+    memory: float,
+    recording: int | None = None,
+) -> _Run:
+    """Of one memory, through a recording, or that of the largest deflection."""
+    predictor, suspects = problem.predictor, fit.hypothesis.suspects
+    mean = fit.theta.mean(axis=0)[None]
+    gain = problem.gains([suspects], mean, memory, slopes=False).gain[0]
+    varied = jax.device_put((fit.theta, gain))
+    whole: AtSamples = jax.device_get(
+        observed(predictor, problem.joints, suspects, *varied, problem.data)
+    )
+    on = np.asarray(problem.data.weight)[..., 0] > 0
+    if recording is None:
+        largest = np.max(np.where(on, np.abs(whole.d[..., slot]), 0.0), axis=1)
+        recording = int(np.argmax(largest))
+    end = int(np.flatnonzero(on[recording])[-1]) + 1
+    at = AtSamples(*(x[recording, :end] for x in whole))
+    theta, row = fit.theta[recording], np.asarray(suspects.row)[slot]
+    # The force that the suspect applies is known: what it is off by is in the unknown one.
+    others = suspects._replace(force=suspects.force.at[slot].set(0.0))
+    A, H = problem.system(others, theta)
+    B, D = problem.opposed(row, others, theta)
+    kick, unsure = (np.asarray(x)[recording] for x in (problem.data.kick, problem.data.unsure))
+    jump = unsure @ theta[problem.map.end(len(suspects.row)) :]
+    e, precision = np.asarray(at.e), _precision(problem, recording)[:end]
+    seen = Seen(e, precision, -e @ gain.T, kick[:end] > 0, (-jump, unsure @ unsure.T))
+    dt = float(predictor.dt) * predictor.substeps
+    return _Run(recording, at, jump, ForcedModel(A, B, H, D), seen, dt, 1.0 / _slowest(A, end * dt))
 
 
 class _Recovered(NamedTuple):
@@ -106,44 +164,22 @@ class _Recovered(NamedTuple):
 
 
 def _recovered(
-    problem: HistoryProblem,
-    fit: HypothesisFit,
-    slot: int,
-    recording: int,
-    gain: np.ndarray,
-    run: AtSamples,
+    problem: HistoryProblem, fit: HypothesisFit, slot: int, run: _Run, prior: ForcePrior
 ) -> _Recovered:
     """What a run is off by, smoothed from its innovations, and added to it."""
-    predictor, suspects, theta = problem.predictor, fit.hypothesis.suspects, fit.theta[recording]
-    kept, end, row = predictor.kept, len(run.e), np.asarray(suspects.row)[slot]
-    # The force that the suspect applied is known: what it was off by is in the unknown one.
-    others = suspects._replace(force=suspects.force.at[slot].set(0.0))
-    A, H = problem.system(others, theta)
-    B, D = problem.opposed(row, others, theta)
-    model = ForcedModel(A, B, H, D)
-    kick, unsure = (np.asarray(x)[recording] for x in (problem.data.kick, problem.data.unsure))
-    jump = unsure @ theta[problem.map.end(len(suspects.row)) :]
-    e = np.asarray(run.e)
-    seen = Seen(
-        e,
-        _precision(problem, recording)[:end],
-        -e @ gain.T,
-        kick[:end] > 0,
-        (-jump, unsure @ unsure.T),
-    )
-    dt = float(predictor.dt) * predictor.substeps
-    prior = likeliest(model, seen, dt, 1.0 / _slowest(A, end * dt))
-    own, left = row[:kept], row[kept:]
+    kept, (A, B, _, _) = problem.predictor.kept, run.model
+    own, left = np.split(np.asarray(fit.hypothesis.suspects.row)[slot], [kept])
     watched = np.zeros((4, 2 * kept + 2))
-    watched[0, :kept], watched[0, -2] = own, -(left * np.asarray(predictor.left)) @ left
+    watched[0, :kept] = own
+    watched[0, -2] = -(left * np.asarray(problem.predictor.left)) @ left
     watched[1, kept:-2] = own
     watched[2, :-2], watched[2, -2] = own @ A[kept:], own @ B[kept:]
     watched[3, -2] = 1.0
-    system = augmented(model, prior.tau, np.asarray(prior.deviation), dt)
-    off, covariance = smoothed(system, seen, watched)
-    there = np.stack([x[:, slot] for x in (run.d, run.v, run.a, run.force)])
+    system = augmented(run.model, prior.tau, np.asarray(prior.deviation), run.dt)
+    off, covariance = smoothed(system, run.seen, watched)
+    there = np.stack([x[:, slot] for x in (run.at.d, run.at.v, run.at.a, run.at.force)])
     # A run knows of an uncertain state's error only after it is at that sample.
-    there[:3] += np.outer(watched[:3, :-2] @ jump, kick[:end])
+    there[:3] += np.outer(watched[:3, :-2] @ run.jump, run.seen.unsure)
     there += off.T
     return _Recovered(there[:3], there[3], prior.scale * covariance)
 

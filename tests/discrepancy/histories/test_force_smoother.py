@@ -9,6 +9,7 @@ from iwanjax.discrepancy.histories.force_smoother import (
     ForcedModel,
     Seen,
     augmented,
+    closer,
     likeliest,
     likelihoods,
     smoothed,
@@ -130,7 +131,7 @@ def test_the_prior_of_a_simulated_force_is_found():
         np.zeros(len(y), bool),
         (np.zeros(4), np.zeros((4, 4))),
     )
-    found = likeliest(model, seen, DT, 1.0 / OMEGA[0])
+    found = closer(model, seen, DT, likeliest(model, seen, DT, 1.0 / OMEGA[0]))
     assert found.scale == pytest.approx(4.0, rel=0.2)
     assert np.sqrt(found.scale) * found.deviation == pytest.approx(5.0, rel=0.33)
     assert found.tau == pytest.approx(8.0 * DT, rel=0.5)
