@@ -60,6 +60,7 @@ def loosening(monkeypatch):
     joint = SimpleNamespace(given=SimpleNamespace(parameters=parameters))
     problem = SimpleNamespace(
         parameters=4,
+        predictor=SimpleNamespace(errors=0),
         settings=HISTORIES,
         map=ParameterMap(4),
         recordings=3,
