@@ -84,7 +84,7 @@ def restoring_force(
     )
 
 
-class _Run(NamedTuple):
+class _ObservedRun(NamedTuple):
     """An observer's run through one recording, and the linear model of what it is off by.
 
     ``there`` is what the place does and is given, (4, N): deflection, rate, acceleration, force.
@@ -100,7 +100,9 @@ class _Run(NamedTuple):
     longest: float
 
 
-def _closest(problem: HistoryProblem, fit: HypothesisFit, slot: int) -> tuple[_Run, ForcePrior]:
+def _closest(
+    problem: HistoryProblem, fit: HypothesisFit, slot: int
+) -> tuple[_ObservedRun, ForcePrior]:
     """The run whose linear model explains its innovations best, of shorter and shorter memories.
 
     Were the model linear, all memories would tell the same. The closer a run keeps to the
@@ -130,7 +132,7 @@ def _run(
     slot: int,
     memory: float,
     recording: int | None = None,
-) -> _Run:
+) -> _ObservedRun:
     """Of one memory, through a recording, or that of the largest deflection."""
     predictor, suspects = problem.predictor, fit.hypothesis.suspects
     mean = fit.theta.mean(axis=0)[None]
@@ -158,7 +160,7 @@ def _run(
     d, v, a, force = (np.asarray(x)[recording, :end] for x in whole[1:])
     there = np.stack([d[:, slot], v[:, slot], a[:, slot], np.sum(force[:, here], axis=1)])
     model, longest = ForcedModel(A, B, H, D), 1.0 / _slowest(A, end * dt)
-    return _Run(recording, there, jump, model, seen, dt, longest)
+    return _ObservedRun(recording, there, jump, model, seen, dt, longest)
 
 
 class _Recovered(NamedTuple):
@@ -170,7 +172,7 @@ class _Recovered(NamedTuple):
 
 
 def _recovered(
-    problem: HistoryProblem, fit: HypothesisFit, slot: int, run: _Run, prior: ForcePrior
+    problem: HistoryProblem, fit: HypothesisFit, slot: int, run: _ObservedRun, prior: ForcePrior
 ) -> _Recovered:
     """What a run is off by, smoothed from its innovations, and added to it."""
     kept, (A, B, _, _) = problem.predictor.kept, run.model
