@@ -138,12 +138,12 @@ def _run(
     mean = fit.theta.mean(axis=0)[None]
     gain = problem.gains([suspects], mean, memory, slopes=False).gain[0]
     varied = jax.device_put((fit.theta, gain))
-    whole: AtSamples = jax.device_get(
-        observed(predictor, problem.joints, suspects, *varied, problem.data)
-    )
+    # A kernel that was kept gives a plain tuple.
+    whole = AtSamples(*observed(predictor, problem.joints, suspects, *varied, problem.data))
+    d, v, a, force = (np.asarray(x) for x in whole[1:])
     on = np.asarray(problem.data.weight)[..., 0] > 0
     if recording is None:
-        largest = np.max(np.where(on, np.abs(whole.d[..., slot]), 0.0), axis=1)
+        largest = np.max(np.where(on, np.abs(d[..., slot]), 0.0), axis=1)
         recording = int(np.argmax(largest))
     end = int(np.flatnonzero(on[recording])[-1]) + 1
     theta, row = fit.theta[recording], np.asarray(suspects.row)[slot]
@@ -157,10 +157,9 @@ def _run(
     e, precision = np.asarray(whole.e)[recording, :end], _precision(problem, recording)[:end]
     seen = Seen(e, precision, -e @ gain.T, kick[:end] > 0, (-jump, unsure @ unsure.T))
     dt = float(predictor.dt) * predictor.substeps
-    d, v, a, force = (np.asarray(x)[recording, :end] for x in whole[1:])
-    there = np.stack([d[:, slot], v[:, slot], a[:, slot], np.sum(force[:, here], axis=1)])
+    there = np.stack([*(x[..., slot] for x in (d, v, a)), np.sum(force[..., here], axis=-1)])
     model, longest = ForcedModel(A, B, H, D), 1.0 / _slowest(A, end * dt)
-    return _ObservedRun(recording, there, jump, model, seen, dt, longest)
+    return _ObservedRun(recording, there[:, recording, :end], jump, model, seen, dt, longest)
 
 
 class _Recovered(NamedTuple):
