@@ -68,7 +68,7 @@ class RestoringForce:
     Attributes
     ----------
     kind, where : str
-        Chosen suspect.
+        Chosen suspect; where several are at the place all of them, joined by " + ".
     over : str
         What the force is shown over: "deflection", "rate" or "acceleration".
     x, force : (N,) array

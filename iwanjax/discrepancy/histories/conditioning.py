@@ -87,7 +87,7 @@ def conditioned(
     )
     beside = settings.ringing if cycles > settings.high else settings.beside
     for each in recordings:
-        _check(each, settings)
+        require_usable(each, settings)
         response = each.response.astype(float)
         missing = (0, length - len(response))
         kick = np.zeros(length)
@@ -145,7 +145,8 @@ def directions_of(
     return max(settings.directions, 2 * made.kept) if moving else settings.directions
 
 
-def _check(each: StudyRecording, settings: ConditioningSettings) -> None:
+def require_usable(each: StudyRecording, settings: ConditioningSettings = CONDITIONING) -> None:
+    """Refuse what is not finite, too short, or shows nothing."""
     for array, what in ((each.response, "response"), (each.force, "force")):
         if array is not None and not np.all(np.isfinite(array)):
             raise InputError(f"{each.name}: {what} holds NaN or infinite values")

@@ -14,6 +14,7 @@ from iwanjax.discrepancy.effects import ForceKind, kinds_of
 from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.findings import Errors, Observable, Suspect, alike
 from iwanjax.discrepancy.histories import selection
+from iwanjax.discrepancy.histories.conditioning import require_usable
 from iwanjax.discrepancy.histories.estimates import estimates
 from iwanjax.discrepancy.histories.initial_state import initial_state, unsteady
 from iwanjax.discrepancy.histories.joint_priors import Joint
@@ -120,6 +121,8 @@ def diagnose_histories(
         for named in (inputs, sensors)
     )
     _check(recordings, len(rows_in), len(rows_out))
+    for each in recordings:
+        require_usable(each)
     recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
     deviations = np.where(np.isnan(given), common_noise(recordings, numbers.conditioning), given)

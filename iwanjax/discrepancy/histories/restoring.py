@@ -47,8 +47,7 @@ def restoring_force(
     RestoringForce or None
         None where the suspect is no force.
     """
-    kind = best.hypothesis.kinds[slot]
-    if not isinstance(kind, ForceKind):
+    if not isinstance(best.hypothesis.kinds[slot], ForceKind):
         return None
     run, prior = _closest(problem, best, slot)
     found = _recovered(problem, best, slot, run, prior)
@@ -59,20 +58,20 @@ def restoring_force(
     if np.count_nonzero(used & quiet) >= known.bins * known.fewest:
         used &= quiet
     used = used[:end]
-    row = np.asarray(best.hypothesis.suspects.row)[slot, : problem.predictor.kept]
-    laws = {}
+    row, laws = np.asarray(best.hypothesis.suspects.row)[slot], {}
     for fit in [best, *rivals]:
-        law = _law(problem, fit, row, found.motion, run.dt)
-        if law is not None:
-            laws.setdefault(law[0], law[1][used])
+        name, law = _law(problem, fit, row, found.motion, run.dt)
+        if name:
+            laws.setdefault(name, law[used])
+    chosen = next(iter(laws))
     moving = found.motion[:, used]
-    axis = int(np.argmax([_explained(x, laws[kind.name], known.bins) for x in moving]))
+    axis = int(np.argmax([_explained(x, laws[chosen], known.bins) for x in moving]))
     x, force = moving[axis], found.force[used]
     centre, middle, spread = _binned(x, force, known)
     both = found.covariance[used][:, [axis, -1]][..., [axis, -1]]
     deviation = _off_the_curve(both, x, force, known)
     return RestoringForce(
-        kind.name,
+        chosen,
         best.hypothesis.where[slot],
         ("deflection", "rate", "acceleration")[axis],
         x,
@@ -85,11 +84,15 @@ def restoring_force(
     )
 
 
-class _Run(NamedTuple):
-    """An observer's run through one recording, and the linear model of what it is off by."""
+class _ObservedRun(NamedTuple):
+    """An observer's run through one recording, and the linear model of what it is off by.
+
+    ``there`` is what the place does and is given, (4, N): deflection, rate, acceleration, force.
+    ``jump`` is what the run's state was changed by where it is uncertain.
+    """
 
     recording: int
-    at: AtSamples
+    there: np.ndarray
     jump: np.ndarray
     model: ForcedModel
     seen: Seen
@@ -97,7 +100,9 @@ class _Run(NamedTuple):
     longest: float
 
 
-def _closest(problem: HistoryProblem, fit: HypothesisFit, slot: int) -> tuple[_Run, ForcePrior]:
+def _closest(
+    problem: HistoryProblem, fit: HypothesisFit, slot: int
+) -> tuple[_ObservedRun, ForcePrior]:
     """The run whose linear model explains its innovations best, of shorter and shorter memories.
 
     Were the model linear, all memories would tell the same. The closer a run keeps to the
@@ -127,32 +132,34 @@ def _run(
     slot: int,
     memory: float,
     recording: int | None = None,
-) -> _Run:
+) -> _ObservedRun:
     """Of one memory, through a recording, or that of the largest deflection."""
     predictor, suspects = problem.predictor, fit.hypothesis.suspects
     mean = fit.theta.mean(axis=0)[None]
     gain = problem.gains([suspects], mean, memory, slopes=False).gain[0]
     varied = jax.device_put((fit.theta, gain))
-    whole: AtSamples = jax.device_get(
-        observed(predictor, problem.joints, suspects, *varied, problem.data)
-    )
+    # A kernel that was kept gives a plain tuple.
+    whole = AtSamples(*observed(predictor, problem.joints, suspects, *varied, problem.data))
+    d, v, a, force = (np.asarray(x) for x in whole[1:])
     on = np.asarray(problem.data.weight)[..., 0] > 0
     if recording is None:
-        largest = np.max(np.where(on, np.abs(whole.d[..., slot]), 0.0), axis=1)
+        largest = np.max(np.where(on, np.abs(d[..., slot]), 0.0), axis=1)
         recording = int(np.argmax(largest))
     end = int(np.flatnonzero(on[recording])[-1]) + 1
-    at = AtSamples(*(x[recording, :end] for x in whole))
     theta, row = fit.theta[recording], np.asarray(suspects.row)[slot]
-    # The force that the suspect applies is known: what it is off by is in the unknown one.
-    others = suspects._replace(force=suspects.force.at[slot].set(0.0))
+    # What is suspected here is known as it acts: what it is off by is in the unknown force.
+    here = _suspected(fit.hypothesis, row)
+    others = suspects._replace(force=suspects.force.at[np.array(here)].set(0.0))
     A, H = problem.system(others, theta)
     B, D = problem.opposed(row, others, theta)
     kick, unsure = (np.asarray(x)[recording] for x in (problem.data.kick, problem.data.unsure))
     jump = unsure @ theta[problem.map.end(len(suspects.row)) :]
-    e, precision = np.asarray(at.e), _precision(problem, recording)[:end]
+    e, precision = np.asarray(whole.e)[recording, :end], _precision(problem, recording)[:end]
     seen = Seen(e, precision, -e @ gain.T, kick[:end] > 0, (-jump, unsure @ unsure.T))
     dt = float(predictor.dt) * predictor.substeps
-    return _Run(recording, at, jump, ForcedModel(A, B, H, D), seen, dt, 1.0 / _slowest(A, end * dt))
+    there = np.stack([*(x[..., slot] for x in (d, v, a)), np.sum(force[..., here], axis=-1)])
+    model, longest = ForcedModel(A, B, H, D), 1.0 / _slowest(A, end * dt)
+    return _ObservedRun(recording, there[:, recording, :end], jump, model, seen, dt, longest)
 
 
 class _Recovered(NamedTuple):
@@ -164,7 +171,7 @@ class _Recovered(NamedTuple):
 
 
 def _recovered(
-    problem: HistoryProblem, fit: HypothesisFit, slot: int, run: _Run, prior: ForcePrior
+    problem: HistoryProblem, fit: HypothesisFit, slot: int, run: _ObservedRun, prior: ForcePrior
 ) -> _Recovered:
     """What a run is off by, smoothed from its innovations, and added to it."""
     kept, (A, B, _, _) = problem.predictor.kept, run.model
@@ -177,10 +184,9 @@ def _recovered(
     watched[3, -2] = 1.0
     system = augmented(run.model, prior.tau, np.asarray(prior.deviation), run.dt)
     off, covariance = smoothed(system, run.seen, watched)
-    there = np.stack([x[:, slot] for x in (run.at.d, run.at.v, run.at.a, run.at.force)])
+    there = run.there + off.T
     # A run knows of an uncertain state's error only after it is at that sample.
     there[:3] += np.outer(watched[:3, :-2] @ run.jump, run.seen.unsure)
-    there += off.T
     return _Recovered(there[:3], there[3], prior.scale * covariance)
 
 
@@ -220,24 +226,28 @@ def _off_the_curve(
 
 
 def _law(
-    problem: HistoryProblem,
-    fit: HypothesisFit,
-    row: np.ndarray,
-    motion: np.ndarray,
-    dt: float,
-) -> tuple[str, np.ndarray] | None:
-    """Name and force of a fit's suspect at this very place, in this motion."""
-    hypothesis: Hypothesis = fit.hypothesis
-    for slot, kind in enumerate(hypothesis.kinds):
-        own = np.asarray(hypothesis.suspects.row)[slot, : len(row)]
-        if not isinstance(kind, ForceKind) or not np.array_equal(own, row):
-            continue
-        size, shape = hypothesis.physical(fit.theta.mean(axis=0), problem.map, slot)
-        moving = np.concatenate([motion, np.diff(motion[:1], prepend=0.0)])
+    problem: HistoryProblem, fit: HypothesisFit, row: np.ndarray, motion: np.ndarray, dt: float
+) -> tuple[str, np.ndarray]:
+    """Names and force of a fit's suspects at this very place, in this motion."""
+    names, whole = [], np.zeros(motion.shape[1])
+    moving = np.concatenate([motion, np.diff(motion[:1], prepend=0.0)])
+    for slot in _suspected(fit.hypothesis, row):
+        kind = fit.hypothesis.kinds[slot]
+        size, shape = fit.hypothesis.physical(fit.theta.mean(axis=0), problem.map, slot)
         fixed = np.asarray(shape), moving, np.asarray(dt)
-        unit = np.asarray(_forces(kind, *jax.device_put(fixed))[0])
-        return kind.name, unit * size
-    return None
+        whole = whole + size * np.asarray(_forces(kind, *jax.device_put(fixed))[0])
+        names.append(kind.name)
+    return " + ".join(names), whole
+
+
+def _suspected(hypothesis: Hypothesis, row: np.ndarray) -> list[int]:
+    """Slots of the forces at a place."""
+    rows = np.asarray(hypothesis.suspects.row)
+    return [
+        slot
+        for slot, kind in enumerate(hypothesis.kinds)
+        if isinstance(kind, ForceKind) and np.array_equal(rows[slot], row)
+    ]
 
 
 def _unit_force(kind: ForceKind, shape: Array, moving: Array, dt: Array) -> tuple[Array]:

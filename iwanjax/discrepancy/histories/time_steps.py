@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from iwanjax.discrepancy.failures import attempted
@@ -242,7 +243,7 @@ def _require_same_units(problem: HistoryProblem) -> None:
     quantity = problem.predictor.quantity
     seen = np.asarray(problem.data.weight) > 0
     measured = np.asarray(problem.data.response)[seen]
-    predicted = measured - innovations(problem, *_given(problem), math.inf)[seen]
+    predicted = measured - innovations(_from_rest(problem), *_given(problem), math.inf)[seen]
     ratio = math.sqrt(float(np.mean(measured**2) / np.mean(predicted**2)))
     most = problem.settings.steps.other_units
     if math.isfinite(ratio) and not 1.0 / most < ratio < most:
@@ -250,3 +251,11 @@ def _require_same_units(problem: HistoryProblem) -> None:
             f"recordings: the measured {quantity} is {ratio:.2g} times what the model predicts "
             "from the forces; are forces, responses and matrices in one system of units?"
         )
+
+
+def _from_rest(problem: HistoryProblem) -> HistoryProblem:
+    """Recordings with a force without the state that was told from their responses."""
+    push = np.array(problem.data.push)
+    forced = np.any(push[:, 1:] != 0, axis=(1, 2, 3))
+    push[forced, 0] = 0.0
+    return replace(problem, data=problem.data._replace(push=jax.device_put(push)))

@@ -142,7 +142,7 @@ def test_free_decays_without_force_show_it_as_well(told, tmp_path):
         path = out.parent / each["file"]
         force = np.abs(np.load(path)[each.pop("force")["array"]]).max(axis=1)
         last = np.flatnonzero(force > 0.02 * force.max())[-1]
-        each |= {"file": str(path), "kind": "free_decay", "start": float(last + 6) / RATE}
+        each |= {"file": str(path), "kind": "free_decay", "from": float(last + 6) / RATE}
         assert each["sampling_rate"] == RATE
     (tmp_path / "study.yaml").write_text(yaml.safe_dump(study))
     arguments = ["diagnose", str(tmp_path / "study.yaml"), "--out", str(tmp_path / "out")]

@@ -74,6 +74,7 @@ def test_the_state_is_estimated_with_everything_else(found):
     assert found.after.hold_out < 1.5 * found.noise_floor.hold_out
 
 
+@pytest.mark.long
 def test_taken_for_rest_it_predicts_less(cubic, found):
     rest = diagnosed([replace(each, initial="rest") for each in cubic])
     assert rest.after.hold_out > 5.0 * found.after.hold_out

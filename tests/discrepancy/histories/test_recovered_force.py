@@ -116,6 +116,27 @@ def test_the_curve_of_a_law_that_nobody_assumed(quantity):
     np.testing.assert_allclose(found.middle, true, atol=0.1 * np.max(np.abs(true)))
 
 
+def test_of_several_suspects_at_one_place_the_whole_force_is_told():
+    """Twice the cubic spring, and another that pulls too much of it back."""
+    y = measured("acceleration")
+    noise = NOISE * np.std(y, axis=0)
+    made, places = problem([y], [measured_force(PEAK)], noise, names=NAMES)
+    (row,) = (each.row for each in places if each.label == "m2")
+    z = made.map.given()[: made.parameters]
+    sizes = {"cubic_stiffness": 2.0 * K3, "stiffness_error": -3e3}
+    starts = [
+        hypotheses.force(made, kind, "m2", row, z, sizes[kind.name], 1.0)
+        for kind in made.predictor.kinds
+    ]
+    (fit,) = multistart(made, [hypotheses.joined(made, starts)], SHORT_TIME_CONSTANT, 0)
+    found = restoring_force(made, fit, 0, [])
+    assert found is not None
+    assert found.kind == " + ".join(sizes) == next(iter(found.laws))
+    assert within(found) >= 0.85
+    law = found.laws[found.kind]
+    np.testing.assert_allclose(law, 2.0 * K3 * found.centre**3 - 3e3 * found.centre, atol=0.3)
+
+
 MASSES = 5
 CHAIN_M = np.diag([1.0, 1.3, 0.8, 1.1, 0.9])
 _LINKS = np.eye(MASSES) - np.eye(MASSES, k=-1)
