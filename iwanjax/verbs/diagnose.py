@@ -102,7 +102,8 @@ def _pictures(
     if verdict.restoring is not None:
         caption = (
             "The force that acted at the place, recovered sample by sample; the band holds it at "
-            "95 %. A law that leaves the band is wrong there; lines are the laws fitted."
+            "95 %, if the model is right elsewhere. A law that leaves the band is wrong there. "
+            "Lines are the laws fitted."
         )
         plots.append((caption, "restoring_force", plot_restoring))
     if verdict.scores:
