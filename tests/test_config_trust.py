@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
+from iwanjax.structures import LinearTrust
 
 MODEL = """name: chain
 model:
@@ -56,6 +57,8 @@ def test_in_python_it_is_an_argument_with_the_same_checks():
     assert np.max(setup.trust.frequencies) == 0.01
     with pytest.raises(ij.InputError, match=r"trust\.damping"):
         ij.Study(structure, trust={"damping": 2.0})
+    with pytest.raises(ij.InputError, match=r"trust\.frequencies"):
+        ij.Study(structure, trust=LinearTrust(frequencies=-0.1))
     mode = {"name": "mode1", "band": (90, 150), "joint": {"type": "iwan4"}}
     with pytest.raises(ij.InputError, match="only a structure has a linear model"):
         ij.Study(modal=[mode], trust={"damping": 0.2})

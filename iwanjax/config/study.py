@@ -1,7 +1,7 @@
 """What a study works on, checked: its model, its recordings, and what is asked of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -251,8 +251,9 @@ def given_study(
         setup, names = _setup(source, section, (), model, structure, named=True)
     if trust is not None and structure is None:
         raise source.error(("trust",), "only a structure has a linear model; this study has modal")
-    if isinstance(trust, Mapping):
-        trust = source.validated(TrustSection, dict(trust), ("trust",)).checked()
+    if trust is not None:
+        raw = dict(trust) if isinstance(trust, Mapping) else asdict(trust)
+        trust = source.validated(TrustSection, raw, ("trust",)).checked()
     return replace(setup, recordings=measured_entries(source, recordings, names), trust=trust)
 
 

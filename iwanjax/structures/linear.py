@@ -172,7 +172,10 @@ def null_space_transform(M: np.ndarray, Phi_R: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LinearTrust:
-    """Relative standard deviations of a linear model's modes, elastic ones, the lowest first.
+    r"""Relative standard deviations of a linear model's modes, elastic ones, the lowest first.
+
+    .. math:: \omega_k = \bar\omega_k e^{s_\omega z_k}, \qquad
+              \zeta_k = \bar\zeta_k e^{s_\zeta z'_k}, \qquad z_k, z'_k \sim N(0, 1)
 
     Parameters
     ----------
@@ -181,7 +184,8 @@ class LinearTrust:
     damping : float or sequence of float
         Of modal damping, likewise.
     shapes : float
-        Of mode shapes at the sensors.
+        Of mode shapes at the sensors. They are not fitted: this share of a channel's root mean
+        square is what a right model may leave.
 
     Examples
     --------

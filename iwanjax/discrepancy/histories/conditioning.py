@@ -105,6 +105,9 @@ def conditioned(
             unsure = _unsure(made, modal, force, settings)
             kick[min(force.last + 1, len(response) - 1)] = 1.0
             push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))), settings)
+            if each.moving:
+                # Accelerations follow the force at once, at the first sample too.
+                push[0, -1, 2 * made.kept :] = force.clean[0] @ np.asarray(modal.W).T
             warnings += _odd(each, force)
         noise = np.where(np.isnan(known_noise), own, known_noise)
         if each.moving:

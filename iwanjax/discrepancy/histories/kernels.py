@@ -20,6 +20,14 @@ from iwanjax.signals.comparison_band import in_band
 _BROKEN = 1e6
 
 
+def _split(
+    predictor: Predictor, joints: tuple[Joint, ...], suspects: Suspects, theta: Array
+) -> Values:
+    """Values of a theta that belongs to these."""
+    at = ParameterMap(predictor.errors + parameters_of(joints))
+    return at.split(theta, suspects.row.shape[0])
+
+
 def _weighted(
     predictor: Predictor,
     joints: tuple[Joint, ...],
@@ -56,11 +64,9 @@ def residuals(
     data: Data,
 ) -> tuple[Float[Array, "recordings N sensors"], Float[Array, "recordings N sensors"]]:
     """Weighted residuals of a hypothesis in each recording, and what they are made of."""
-    parameters = predictor.errors + parameters_of(joints)
-    slots = suspects.row.shape[0]
 
     def one(theta: Array, data: Data) -> tuple[Array, Array]:
-        values = ParameterMap(parameters).split(theta, slots)
+        values = _split(predictor, joints, suspects, theta)
         made = joints_at(joints, values.z)
         found = innovations(predictor, made, suspects, values, gain, data)
         return _whole(in_band(found) * data.weight, data), found
@@ -78,11 +84,9 @@ def observed(
     data: Data,
 ) -> AtSamples:
     """Innovations of each recording, with what the suspects' places do meanwhile."""
-    parameters = predictor.errors + parameters_of(joints)
-    slots = suspects.row.shape[0]
 
     def one(theta: Array, data: Data) -> AtSamples:
-        values = ParameterMap(parameters).split(theta, slots)
+        values = _split(predictor, joints, suspects, theta)
         return at_samples(predictor, joints_at(joints, values.z), suspects, values, gain, data)
 
     return jax.vmap(one)(theta, data)
@@ -108,12 +112,10 @@ def slopes(
 
     ``turned`` is how the observer's gain, designed for each theta, changes along them.
     """
-    parameters = predictor.errors + parameters_of(joints)
-    slots = suspects.row.shape[0]
 
     def one(theta: Array, data: Data) -> tuple[Array, Array]:
         def residual(theta: Array, gain: Array) -> Array:
-            values = ParameterMap(parameters).split(theta, slots)
+            values = _split(predictor, joints, suspects, theta)
             return _weighted(predictor, joints, suspects, values, gain, data)
 
         def along(way: Array, turned: Array) -> tuple[Array, Array]:
@@ -163,7 +165,6 @@ def unit_forces(
     ``suspects`` are those that act already. ``shapes`` has a grid for each of the predictor's
     kinds; a kind with an empty one is left out.
     """
-    parameters = predictor.errors + parameters_of(joints)
     slots, places = suspects.row.shape[0], rows.shape[0]
     watched = Suspects(
         jnp.concatenate([suspects.row, rows]),
@@ -171,7 +172,7 @@ def unit_forces(
     )
 
     def one(theta: Array, data: Data) -> tuple[Array, ...]:
-        values = ParameterMap(parameters).split(theta, slots)
+        values = _split(predictor, joints, suspects, theta)
         made = joints_at(joints, values.z)
         values = values._replace(suspects=jnp.pad(values.suspects, [(0, places), (0, 0)]))
         moved = motions(predictor, made, watched, values, gain, data)
@@ -201,11 +202,9 @@ def responses(
     data: Data,
 ) -> tuple[Float[Array, "batch recordings N sensors"]]:
     """What small forces and faults of sensors would change in the residuals."""
-    parameters = predictor.errors + parameters_of(joints)
-    slots = suspects.row.shape[0]
 
     def one(theta: Array, force: Array, shown: Array, data: Data) -> Array:
-        values = ParameterMap(parameters).split(theta, slots)
+        values = _split(predictor, joints, suspects, theta)
 
         def residual(push: Array, response: Array) -> Array:
             moved = data._replace(push=push, response=response)

@@ -1,6 +1,6 @@
 """What predicts recordings from a sample to the next: modes, places of joints, sensors, forces."""
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.effects import ForceKind
 from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
-from iwanjax.dynamics.parabolic_hold import Hold, hold, on
+from iwanjax.dynamics.parabolic_hold import MOST, Hold, hold, on
+from iwanjax.errors import InputError
 from iwanjax.signals.comparison_band import END
 from iwanjax.structures import JointedStructure, LinearTrust
 
@@ -148,16 +149,28 @@ class Predictor(eqx.Module):
         """Number of errors of the linear model that are fitted."""
         return self.uncertain.size
 
+    def modes_at(self, z: Array | np.ndarray, xp: Any = np) -> tuple[Array, Array]:
+        """Squared frequencies and damping with errors of so many deviations, the first of z.
+
+        Parameters
+        ----------
+        z : (parameters,) array
+            As in :class:`Values`.
+        xp : module
+            ``jax.numpy`` within a kernel.
+        """
+        there = xp.exp(xp.asarray(self.uncertain) * z[: self.errors].reshape(2, -1))
+        exact = xp.ones((2, self.kept - there.shape[1]))
+        frequency, damping = xp.concatenate([there, exact], axis=1)
+        omega2, C, root = xp.asarray(self.omega2), xp.asarray(self.C), xp.sqrt(damping)
+        C = root[:, None] * C * root if C.ndim == 2 else C * damping
+        return omega2 * frequency**2, C
+
     def with_errors(self, z: Float[Array, " parameters"]) -> "Predictor":
-        """The modes with errors of so many deviations, the first of z; shapes are as they are."""
+        """The same with errors of the modes; shapes are as they are."""
         if not self.errors:
             return self
-        there = jnp.exp(self.uncertain * z[: self.errors].reshape(2, -1))
-        frequency, damping = (
-            jnp.ones(self.kept).at[: there.shape[1]].set(factor) for factor in there
-        )
-        omega2, root = self.omega2 * frequency**2, jnp.sqrt(damping)
-        C = root[:, None] * self.C * root if self.C.ndim == 2 else self.C * damping
+        omega2, C = self.modes_at(z, jnp)
         return eqx.tree_at(
             lambda p: (p.omega2, p.C, p.by), self, (omega2, C, hold(omega2, C, self.dt, jnp))
         )
@@ -198,7 +211,11 @@ class Predictor(eqx.Module):
         return jnp.concatenate([of_modes, of_forces, of_modes @ late], axis=1)
 
     def linear(
-        self, stiffness: np.ndarray, suspects: Suspects, sizes: np.ndarray
+        self,
+        stiffness: np.ndarray,
+        suspects: Suspects,
+        sizes: np.ndarray,
+        z: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """State matrix and what the sensors see, about vanishing amplitude.
 
@@ -210,14 +227,16 @@ class Predictor(eqx.Module):
             Of which those that are linear count.
         sizes : (slots,) array
             In their units.
+        z : (parameters,) array, optional
+            Whose errors the modes have; none without it.
         """
         r = self.kept
         P = np.asarray(self.joints)[:, :r]
         softer = stiffness - np.asarray(self.stiffness)
-        C = np.asarray(self.C)
+        omega2, C = self.modes_at(np.zeros(self.errors) if z is None else z)
         lower = np.hstack(
             [
-                -np.diag(self.omega2)
+                -np.diag(omega2)
                 - (P.T * softer) @ P
                 - self._of("stiffness_error", suspects, sizes),
                 -(C if C.ndim == 2 else np.diag(C)) - self._of("viscous_damping", suspects, sizes),
@@ -305,6 +324,11 @@ def predictor(
     kept = max(1, int(np.sum(omega2 < (2.0 * np.pi * _HIGHEST * sampling_rate) ** 2)))
     part = (slice(kept),) * C.ndim
     dt = 1.0 / (sampling_rate * substeps)
+    if trust is not None and np.max(np.abs(C[part])) * dt > 0.5 * MOST:
+        raise InputError(
+            "trust: a mode is damped too heavily for its error to be fitted "
+            f"({np.max(np.abs(C[part])):.3g} 1/s); leave trust out, or the damper to a joint"
+        )
     # Sliced by NumPy: every operation of JAX outside a kernel is compiled for itself.
     made = Predictor(
         jax.device_put(omega2[:kept]),

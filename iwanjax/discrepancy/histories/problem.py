@@ -208,7 +208,9 @@ class HistoryProblem:
         moved, owners = _neighbours(self, suspects, theta) if slopes else (theta[:0], [])
         rows = np.concatenate([theta, moved])
         which = [*range(batch), *(member for member, _ in owners)]
-        systems = self._systems([suspects[i] for i in which], rows)
+        # With the modes as given: a gain is a choice, and its slopes along their errors cost more
+        # than they are worth.
+        systems = self._systems([suspects[i] for i in which], rows, [None] * len(which))
         A, H = (np.stack(x) for x in zip(*systems, strict=True))
         broken = ~np.all(np.isfinite(A), axis=(1, 2))
         A[broken] = 0.0
@@ -224,7 +226,7 @@ class HistoryProblem:
 
     def system(self, suspects: Suspects, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """State matrix and what the sensors see, with other values and beside suspects."""
-        return self._systems([suspects], values[None])[0]
+        return self._systems([suspects], values[None], values[None])[0]
 
     def opposed(
         self, row: np.ndarray, suspects: Suspects, values: np.ndarray
@@ -233,9 +235,12 @@ class HistoryProblem:
         return self.predictor.opposed(row, suspects, self._sizes(suspects, values))
 
     def _systems(
-        self, suspects: Sequence[Suspects], theta: np.ndarray
+        self,
+        suspects: Sequence[Suspects],
+        theta: np.ndarray,
+        of_modes: Sequence[np.ndarray | None] | np.ndarray,
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """State matrices and what the sensors see, one for each row of values."""
+        """State matrices and what the sensors see, one for each row of values and modes' errors."""
         p = self.parameters
         stiffness = []
         for first in range(0, len(theta), _BATCH):
@@ -243,8 +248,9 @@ class HistoryProblem:
             padded = np.vstack([part, np.zeros((_BATCH - len(part), p))])
             stiffness.append(np.asarray(tangents(self.joints, jax.device_put(padded)))[: len(part)])
         found = []
-        for own, row, k in zip(suspects, theta, np.concatenate(stiffness), strict=True):
-            found.append(self.predictor.linear(k, own, self._sizes(own, row)))
+        rows = zip(suspects, theta, np.concatenate(stiffness), of_modes, strict=True)
+        for own, row, k, errors in rows:
+            found.append(self.predictor.linear(k, own, self._sizes(own, row), errors))
         return found
 
     def _sizes(self, suspects: Suspects, values: np.ndarray) -> np.ndarray:

@@ -188,7 +188,7 @@ def corrected_model(
 
 def _changes(predictor: Predictor, z: np.ndarray, shapes: np.ndarray) -> dict[str, np.ndarray]:
     """What errors of the modes change in stiffness and damping; ``shapes`` is M Phi."""
-    there = predictor.with_errors(jax.device_put(z))
+    omega2, C = predictor.modes_at(z)
     kept = shapes[:, : predictor.kept]
 
     def change(now: Array, given: Array) -> np.ndarray:
@@ -196,6 +196,6 @@ def _changes(predictor: Predictor, z: np.ndarray, shapes: np.ndarray) -> dict[st
         return kept @ (np.diag(by) if by.ndim == 1 else by) @ kept.T
 
     return {
-        "K": change(there.omega2, predictor.omega2),
-        "C": change(there.C, predictor.C),
+        "K": change(omega2, predictor.omega2),
+        "C": change(C, predictor.C),
     }

@@ -254,7 +254,7 @@ def _require_same_units(problem: HistoryProblem) -> None:
 
 
 def _from_rest(problem: HistoryProblem) -> HistoryProblem:
-    """Recordings with a force without the state that was told from their responses."""
+    """Recordings with a force, without the state that was estimated from their responses."""
     push = np.array(problem.data.push)
     forced = np.any(push[:, 1:] != 0, axis=(1, 2, 3))
     push[forced, 0] = 0.0
