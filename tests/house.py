@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BOUNDS = {
     "class names used twice": 0,
     "tuned numbers": 787,
-    "tuned numbers without a comment": 147,
+    "tuned numbers without a comment": 143,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
     "modules that index a parameter map": 0,
@@ -33,9 +33,10 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 10,
     "config": 19,
-    "discrepancy": 53,
+    "discrepancy": 27,
     "dynamics": 16,
     "estimation": 13,
+    "identification": 19,
     "files": 6,
     "plotting": 16,
     "quasistatic": 9,

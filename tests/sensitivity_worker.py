@@ -12,7 +12,7 @@ from concealed.sensitivity import AS_IS, numbers, trials
 
 import iwanjax as ij
 from iwanjax.compiler import compile_quickly
-from iwanjax.discrepancy.settings import Settings, using
+from iwanjax.settings.stages import Settings, using
 from iwanjax.studies.verdicts import as_json
 
 

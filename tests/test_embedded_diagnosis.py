@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
-from iwanjax.discrepancy.wording import noun
+from iwanjax.effects.wording import noun
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 FOLDER = CONFIGS / "concealed_spring"

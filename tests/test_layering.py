@@ -11,12 +11,13 @@ from pathlib import Path
 import pytest
 
 LAYERS = [
-    {"errors", "types", "curves", "results", "tables", "files", "threads", "compiler", "kernels"},
+    {"errors", "types", "curves", "results", "tables", "files", "threads", "compiler", "kernels"}
+    | {"settings"},
     {"joints", "signals"},
-    {"structures"},
+    {"structures", "effects"},
     {"quasistatic", "dynamics"},
     {"estimation"},
-    {"updating"},
+    {"updating", "identification"},
     {"discrepancy", "config"},
     {"studies"},
     {"plotting"},

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from concealed.sensitivity import AS_IS, numbers, replaced, scaled, table, trials
 
-from iwanjax.discrepancy.settings import Settings
+from iwanjax.settings.stages import Settings
 
 
 @dataclass(frozen=True)

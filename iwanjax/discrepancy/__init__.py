@@ -7,19 +7,13 @@ the optimisers, which pictures of a diagnosis do not need.
 """
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.effects import (
-    CATALOGUE,
-    ForceKind,
-    JointKind,
-    ModeKind,
-    SensorKind,
-    catalogue,
-)
 from iwanjax.discrepancy.findings import Suspect
 from iwanjax.discrepancy.histories.diagnose import diagnose_histories
-from iwanjax.discrepancy.histories.recordings import StudyRecording
 from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
+from iwanjax.effects.catalogue import CATALOGUE, catalogue
+from iwanjax.effects.kinds import ForceKind, JointKind, ModeKind, SensorKind
+from iwanjax.identification.recordings import StudyRecording
 
 __all__ = [
     "CATALOGUE",

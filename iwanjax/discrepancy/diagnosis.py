@@ -16,9 +16,9 @@ from iwanjax.discrepancy.findings import (
     Suspect,
 )
 from iwanjax.discrepancy.judgement import Verdict
-from iwanjax.discrepancy.settings import settings
-from iwanjax.discrepancy.wording import noun, sentence, share, sizes
+from iwanjax.effects.wording import noun, sentence, share, sizes
 from iwanjax.results import AbstractResult
+from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure
 from iwanjax.tables import Block, without_empty_columns
 

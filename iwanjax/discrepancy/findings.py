@@ -6,17 +6,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.settings import settings
-from iwanjax.joints import ParameterInfo
-
-
-class Estimate(NamedTuple):
-    """A parameter's value, and its deviation; NaN where it was not fitted."""
-
-    info: ParameterInfo
-    value: float
-    std: float
+from iwanjax.effects.estimate import Estimate
+from iwanjax.effects.kinds import Kind
+from iwanjax.settings.stages import settings
 
 
 class Refitted(NamedTuple):

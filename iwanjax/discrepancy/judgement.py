@@ -7,9 +7,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.settings import settings
 from iwanjax.errors import InputError
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG, misspecification_probability, shares
+from iwanjax.settings.stages import settings
 
 VerdictName = Literal["nothing_missing", "something_missing", "undecided"]
 

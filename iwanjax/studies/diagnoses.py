@@ -10,11 +10,11 @@ import numpy as np
 from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose_histories
-from iwanjax.discrepancy.history_settings import CONDITIONING
 from iwanjax.discrepancy.steady.cycle import InteractingMode
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.errors import InputError
+from iwanjax.settings.histories import CONDITIONING
 from iwanjax.signals import ForceLoop, Recording
 from iwanjax.studies.fits import of_one_quantity
 from iwanjax.studies.measured import MeasuredMode, measured_modes

@@ -5,8 +5,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from iwanjax.discrepancy import CurveRun, Diagnosis
-from iwanjax.discrepancy.findings import Errors, Estimate
+from iwanjax.discrepancy.findings import Errors
 from iwanjax.discrepancy.judgement import together
+from iwanjax.effects.estimate import Estimate
 
 
 def as_json(verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:

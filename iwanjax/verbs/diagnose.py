@@ -9,7 +9,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from iwanjax.discrepancy import CurveRun, Diagnosis, LoopRun, ModesRun
-from iwanjax.discrepancy.failures import attempted
+from iwanjax.errors import attempted
 from iwanjax.plotting import (
     plot_diagnosis,
     plot_explained,

@@ -1,6 +1,7 @@
 """The verb ``laws``: every law that a study's joints may have, or a diagnosis may find missing."""
 
-from iwanjax.discrepancy.effects import ForceKind, catalogue
+from iwanjax.effects.catalogue import catalogue
+from iwanjax.effects.kinds import ForceKind
 from iwanjax.joints import JOINTS, AbstractJoint, Iwan4, Iwan5, described
 from iwanjax.tables import Grid, as_text
 

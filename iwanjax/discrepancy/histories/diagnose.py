@@ -10,19 +10,10 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.effects import ForceKind, kinds_of
-from iwanjax.discrepancy.failures import attempted
 from iwanjax.discrepancy.findings import Errors, Observable, Suspect, alike
 from iwanjax.discrepancy.histories import selection
-from iwanjax.discrepancy.histories.conditioning import require_usable
-from iwanjax.discrepancy.histories.estimates import estimates
-from iwanjax.discrepancy.histories.initial_state import initial_state, unsteady
-from iwanjax.discrepancy.histories.joint_priors import Joint
 from iwanjax.discrepancy.histories.observables import observables
-from iwanjax.discrepancy.histories.places import followed, places_of
-from iwanjax.discrepancy.histories.predictor import Quantity, predictor
 from iwanjax.discrepancy.histories.ranking import Scope, containing
-from iwanjax.discrepancy.histories.recordings import StudyRecording, common_noise
 from iwanjax.discrepancy.histories.refitted import (
     beyond_trust,
     corrected_model,
@@ -33,9 +24,18 @@ from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
-from iwanjax.discrepancy.settings import settings
-from iwanjax.errors import InputError
+from iwanjax.effects.catalogue import kinds_of
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.errors import InputError, attempted
 from iwanjax.estimation.evidence import LEAST_GAIN
+from iwanjax.identification.conditioning import require_usable
+from iwanjax.identification.estimates import estimates
+from iwanjax.identification.initial_state import initial_state, unsteady
+from iwanjax.identification.joint_priors import Joint
+from iwanjax.identification.places import followed, places_of
+from iwanjax.identification.predictor import Quantity, predictor
+from iwanjax.identification.recordings import StudyRecording, common_noise
+from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
 from iwanjax.threads import one_thread

@@ -7,18 +7,6 @@ from typing import NamedTuple
 
 import jax
 
-from iwanjax.discrepancy.effects import ForceKind, JointKind
-from iwanjax.discrepancy.histories import hypotheses
-from iwanjax.discrepancy.histories.joint_priors import joints_of
-from iwanjax.discrepancy.histories.likelihood import left_by_noise
-from iwanjax.discrepancy.histories.multistart import (
-    SHORT_TIME_CONSTANT,
-    HypothesisFit,
-    foreseen,
-    multistart,
-)
-from iwanjax.discrepancy.histories.places import Place
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -31,7 +19,19 @@ from iwanjax.discrepancy.histories.ranking import (
     placed,
 )
 from iwanjax.discrepancy.histories.score_test import Candidate
+from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
+from iwanjax.identification import hypotheses
+from iwanjax.identification.joint_priors import joints_of
+from iwanjax.identification.likelihood import left_by_noise
+from iwanjax.identification.multistart import (
+    SHORT_TIME_CONSTANT,
+    HypothesisFit,
+    foreseen,
+    multistart,
+)
+from iwanjax.identification.places import Place
+from iwanjax.identification.problem import HistoryProblem, Start
 from iwanjax.joints import Iwan4
 
 _LIKE_A_JOINT = {"viscoelastic", "coulomb_friction", "stiffness_error"}

@@ -8,14 +8,6 @@ from typing import TypeAlias
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind, SensorKind
-from iwanjax.discrepancy.histories import hypotheses
-from iwanjax.discrepancy.histories.joint_priors import joints_of
-from iwanjax.discrepancy.histories.likelihood import unknowns
-from iwanjax.discrepancy.histories.linearise import residuals_at
-from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
-from iwanjax.discrepancy.histories.parameter_map import ParameterMap
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -26,7 +18,15 @@ from iwanjax.discrepancy.histories.ranking import (
     refitted,
     tolerance_of,
 )
-from iwanjax.discrepancy.nested import Nested
+from iwanjax.effects.kinds import ForceKind, JointKind, Kind, SensorKind
+from iwanjax.effects.nested import Nested
+from iwanjax.identification import hypotheses
+from iwanjax.identification.joint_priors import joints_of
+from iwanjax.identification.likelihood import unknowns
+from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
+from iwanjax.identification.parameter_map import ParameterMap
+from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.joints.force_law import Scales, Values
 
 # What a sensor has seen, for no limit of a sensor's depends on it.

@@ -6,11 +6,11 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.findings import Observable
-from iwanjax.discrepancy.histories.problem import HistoryProblem
 from iwanjax.discrepancy.histories.validation import FreeRun
-from iwanjax.discrepancy.history_settings import IllustrationSettings
-from iwanjax.discrepancy.settings import settings
 from iwanjax.errors import InputError
+from iwanjax.identification.problem import HistoryProblem
+from iwanjax.settings.histories import IllustrationSettings
+from iwanjax.settings.stages import settings
 from iwanjax.signals import ringdown_curves
 
 

@@ -2,10 +2,6 @@
 
 from collections.abc import Sequence
 
-from iwanjax.discrepancy.histories import hypotheses
-from iwanjax.discrepancy.histories.likelihood import Evidence, evidence, left_by_noise
-from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Start, Variant
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -15,6 +11,10 @@ from iwanjax.discrepancy.histories.ranking import (
     scored,
 )
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
+from iwanjax.identification import hypotheses
+from iwanjax.identification.likelihood import Evidence, evidence, left_by_noise
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
+from iwanjax.identification.problem import HistoryProblem, Start, Variant
 
 
 def doubled(problem: HistoryProblem, entries: list[RankedFit], scope: Scope) -> list[RankedFit]:

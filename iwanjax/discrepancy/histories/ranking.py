@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from iwanjax.discrepancy.effects import Kind
-from iwanjax.discrepancy.histories.likelihood import UNSURE, Evidence, evidence, scale
-from iwanjax.discrepancy.histories.multistart import HypothesisFit, multistart
-from iwanjax.discrepancy.histories.places import Place
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.score_test import Candidate, score_test
+from iwanjax.effects.kinds import Kind
 from iwanjax.estimation.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
 from iwanjax.estimation.settings import SEARCH
+from iwanjax.identification.likelihood import UNSURE, Evidence, evidence, scale
+from iwanjax.identification.multistart import HypothesisFit, multistart
+from iwanjax.identification.places import Place
+from iwanjax.identification.problem import HistoryProblem, Start
 
 TIME_CONSTANT = 8.0
 """Memory of the observer, in cycles, from which on fits are compared with one another."""

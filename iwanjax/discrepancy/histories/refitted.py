@@ -7,18 +7,19 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.discrepancy.effects import ForceKind
-from iwanjax.discrepancy.findings import Estimate, Refitted
-from iwanjax.discrepancy.histories.estimates import estimates
-from iwanjax.discrepancy.histories.joint_priors import joints_of
-from iwanjax.discrepancy.histories.likelihood import covariance
-from iwanjax.discrepancy.histories.multistart import HypothesisFit
-from iwanjax.discrepancy.histories.predictor import Predictor
-from iwanjax.discrepancy.histories.problem import DIFFERENCE, HistoryProblem
+from iwanjax.discrepancy.findings import Refitted
 from iwanjax.discrepancy.histories.ranking import RankedFit
-from iwanjax.discrepancy.settings import settings
 from iwanjax.dynamics.coordinates import ModalCoordinates
+from iwanjax.effects.estimate import Estimate
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.identification.estimates import estimates
+from iwanjax.identification.joint_priors import joints_of
+from iwanjax.identification.likelihood import covariance
+from iwanjax.identification.multistart import HypothesisFit
+from iwanjax.identification.predictor import Predictor
+from iwanjax.identification.problem import DIFFERENCE, HistoryProblem
 from iwanjax.joints import Dashpot, Inertia, LinearSpring, ParameterInfo
+from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure, LinearStructure
 
 

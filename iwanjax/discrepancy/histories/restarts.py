@@ -6,13 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from iwanjax.discrepancy.histories.likelihood import left_by_noise
-from iwanjax.discrepancy.histories.multistart import (
-    SHORT_TIME_CONSTANT,
-    HypothesisFit,
-    multistart,
-)
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -23,6 +16,13 @@ from iwanjax.discrepancy.histories.ranking import (
     settled,
 )
 from iwanjax.estimation.multistart import alike
+from iwanjax.identification.likelihood import left_by_noise
+from iwanjax.identification.multistart import (
+    SHORT_TIME_CONSTANT,
+    HypothesisFit,
+    multistart,
+)
+from iwanjax.identification.problem import HistoryProblem, Start
 
 # Starts of the joints alone.
 _STARTS = 4

@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.discrepancy.effects import ForceKind, shipped
 from iwanjax.discrepancy.findings import RestoringForce
-from iwanjax.discrepancy.histories.force_smoother import (
+from iwanjax.effects.catalogue import shipped
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.identification.force_smoother import (
     ForcedModel,
     ForcePrior,
     Seen,
@@ -18,13 +19,13 @@ from iwanjax.discrepancy.histories.force_smoother import (
     likeliest,
     smoothed,
 )
-from iwanjax.discrepancy.histories.innovations import AtSamples
-from iwanjax.discrepancy.histories.kernels import observed
-from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, HypothesisFit
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
-from iwanjax.discrepancy.history_settings import IllustrationSettings
+from iwanjax.identification.innovations import AtSamples
+from iwanjax.identification.kernels import observed
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit
+from iwanjax.identification.problem import HistoryProblem, Hypothesis
 from iwanjax.joints import PlaceMotion
 from iwanjax.kernels import Kept
+from iwanjax.settings.histories import IllustrationSettings
 from iwanjax.signals.comparison_band import OF_NOISE
 
 
@@ -36,7 +37,7 @@ def restoring_force(
     An observer of the best model follows the recording of the largest deflection. What acts at
     the place is the force that the model applies there, and an unknown one that explains, with
     the errors of the state, what the innovations show; it is smoothed from all of them
-    (:mod:`~iwanjax.discrepancy.histories.force_smoother`), joints and other suspects at their
+    (:mod:`~iwanjax.identification.force_smoother`), joints and other suspects at their
     tangents. Where the law is wrong the force bends away from it, whatever the sensors measure;
     its deviation allows for noise, not for errors of the model at other places.
     Samples of a pulse are left out; where a force acts throughout, what it does is in the

@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.effects import JointKind, Kind, SensorKind
-from iwanjax.discrepancy.histories import hypotheses
-from iwanjax.discrepancy.histories.columns import (
+from iwanjax.effects.kinds import JointKind, Kind, SensorKind
+from iwanjax.identification import hypotheses
+from iwanjax.identification.columns import (
     UnitEffect,
     columns,
     columns_at_rest,
     sensor_faults,
     unit_effects,
 )
-from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
-from iwanjax.discrepancy.histories.multistart import HypothesisFit
-from iwanjax.discrepancy.histories.places import Place
-from iwanjax.discrepancy.histories.problem import (
+from iwanjax.identification.linearise import linearise, residuals_at
+from iwanjax.identification.multistart import HypothesisFit
+from iwanjax.identification.places import Place
+from iwanjax.identification.problem import (
     HistoryProblem,
     Start,
     drifting_values,

@@ -8,25 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.findings import Score
-from iwanjax.discrepancy.histories.estimates import determined
-from iwanjax.discrepancy.histories.hypotheses import shrunk
+from iwanjax.discrepancy.histories.further_suspects import appearing, probed
 from iwanjax.discrepancy.histories.joint_faults import (
     like_a_joint,
     with_joint_faults,
     with_joints_left_out,
 )
-from iwanjax.discrepancy.histories.likelihood import evidence, left_by_noise
-from iwanjax.discrepancy.histories.linearise import residuals_at
-from iwanjax.discrepancy.histories.macroslip import in_the_middle
-from iwanjax.discrepancy.histories.multistart import (
-    SHORT_TIME_CONSTANT,
-    HypothesisFit,
-    multistart,
-)
 from iwanjax.discrepancy.histories.nested import none_worse, with_nested_laws
 from iwanjax.discrepancy.histories.pairs import doubled
-from iwanjax.discrepancy.histories.probing import probed
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Start, Variant
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -51,7 +40,17 @@ from iwanjax.discrepancy.histories.restarts import (
     restarted,
 )
 from iwanjax.discrepancy.histories.score_test import Candidate
-from iwanjax.discrepancy.histories.slow_effects import appearing
+from iwanjax.identification.estimates import determined
+from iwanjax.identification.hypotheses import shrunk
+from iwanjax.identification.likelihood import evidence, left_by_noise
+from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.macroslip import in_the_middle
+from iwanjax.identification.multistart import (
+    SHORT_TIME_CONSTANT,
+    HypothesisFit,
+    multistart,
+)
+from iwanjax.identification.problem import HistoryProblem, Start, Variant
 
 
 class ModelSelection(NamedTuple):

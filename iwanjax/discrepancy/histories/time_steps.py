@@ -8,29 +8,28 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.failures import attempted
-from iwanjax.discrepancy.histories.conditioning import (
+from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
+from iwanjax.discrepancy.histories.validation import FreeRun, free_run
+from iwanjax.dynamics.coordinates import ModalCoordinates
+from iwanjax.errors import InputError, attempted
+from iwanjax.identification.conditioning import (
     ConditionedRecordings,
     conditioned,
     directions_of,
 )
-from iwanjax.discrepancy.histories.joint_priors import Joint
-from iwanjax.discrepancy.histories.likelihood import left_by_noise
-from iwanjax.discrepancy.histories.linearise import innovations, residuals_at
-from iwanjax.discrepancy.histories.macroslip import alternatives
-from iwanjax.discrepancy.histories.predictor import Predictor
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis
-from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
-from iwanjax.discrepancy.histories.recordings import StudyRecording
-from iwanjax.discrepancy.histories.validation import FreeRun, free_run
-from iwanjax.discrepancy.history_settings import (
+from iwanjax.identification.joint_priors import Joint
+from iwanjax.identification.likelihood import left_by_noise
+from iwanjax.identification.linearise import innovations, residuals_at
+from iwanjax.identification.macroslip import alternatives
+from iwanjax.identification.predictor import Predictor
+from iwanjax.identification.problem import HistoryProblem, Hypothesis
+from iwanjax.identification.recordings import StudyRecording
+from iwanjax.settings.histories import (
     CONDITIONING,
     HISTORIES,
     ConditioningSettings,
     HistorySettings,
 )
-from iwanjax.dynamics.coordinates import ModalCoordinates
-from iwanjax.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

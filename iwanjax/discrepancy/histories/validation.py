@@ -8,21 +8,21 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.findings import Refused
-from iwanjax.discrepancy.histories.conditioning import ConditionedRecordings
-from iwanjax.discrepancy.histories.likelihood import covariance
-from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
-from iwanjax.discrepancy.histories.macroslip import Alternative
-from iwanjax.discrepancy.histories.multistart import HypothesisFit, with_states_of_decays
-from iwanjax.discrepancy.histories.problem import (
+from iwanjax.discrepancy.histories.ranking import RankedFit, doubted, missing, ranked
+from iwanjax.discrepancy.histories.selection import ModelSelection
+from iwanjax.discrepancy.judgement import worse
+from iwanjax.identification.conditioning import ConditionedRecordings
+from iwanjax.identification.likelihood import covariance
+from iwanjax.identification.linearise import linearise, residuals_at
+from iwanjax.identification.macroslip import Alternative
+from iwanjax.identification.multistart import HypothesisFit, with_states_of_decays
+from iwanjax.identification.problem import (
     HistoryProblem,
     drifting_values,
     elapsed,
     free_values,
     rates,
 )
-from iwanjax.discrepancy.histories.ranking import RankedFit, doubted, missing, ranked
-from iwanjax.discrepancy.histories.selection import ModelSelection
-from iwanjax.discrepancy.judgement import worse
 from iwanjax.signals.comparison_band import CORRELATION, OF_NOISE, over_pairs
 
 

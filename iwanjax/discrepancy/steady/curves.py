@@ -11,8 +11,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.effects import ForceKind, Kind
-from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.cycle import (
     AbstractActing,
     ActingForce,
@@ -35,11 +33,13 @@ from iwanjax.discrepancy.steady.fit import (
     searched,
     with_sizes,
 )
+from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.estimation.parameters import Chart, drawn
 from iwanjax.joints import Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.quasistatic.modal import Beside, about
+from iwanjax.settings.stages import settings
 from iwanjax.updating.modal import ModalProblem, modal_parameters, modal_problem
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference
 

@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import ForceKind
-from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.fit import PlacedEffect
+from iwanjax.effects.kinds import ForceKind
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion
 from iwanjax.quasistatic.modal import Beside, ModalOscillator, about
 from iwanjax.quasistatic.single_harmonic import AbstractCyclic
+from iwanjax.settings.stages import settings
 from iwanjax.updating.interpolate import cubic
 
 # Of a sum over a cycle, over its largest term.

@@ -10,8 +10,6 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.findings import Estimate
-from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.curves import (
     ModeFit,
     fit_alone,
@@ -31,10 +29,12 @@ from iwanjax.discrepancy.steady.loops import (
 )
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, clear_differences
 from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
+from iwanjax.effects.estimate import Estimate
 from iwanjax.errors import InputError
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.estimation.parameters import Parameter, drawn, replaced
 from iwanjax.joints import AbstractJoint, joint_type
+from iwanjax.settings.stages import settings
 from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.types import require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem

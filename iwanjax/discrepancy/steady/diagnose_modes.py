@@ -8,7 +8,6 @@ import numpy as np
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.findings import Score
-from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.fit import PlacedEffect
 from iwanjax.discrepancy.steady.modes import (
     JointsAlone,
@@ -22,6 +21,7 @@ from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun, clear_difference
 from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
 from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Parameter, drawn, fixed_at, replaced
+from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike, require_double_precision

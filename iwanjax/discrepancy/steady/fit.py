@@ -12,9 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind
-from iwanjax.discrepancy.findings import Estimate
-from iwanjax.discrepancy.settings import settings
+from iwanjax.effects.estimate import Estimate
+from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.estimation.evidence import correlation_time, linearised
 from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart
@@ -27,6 +26,7 @@ from iwanjax.estimation.settings import SEARCH
 from iwanjax.joints import ParameterInfo, Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
+from iwanjax.settings.stages import settings
 
 JOINT_VALUES = len(IWAN_PARAMETERS)
 """Parameters of a joint left out."""

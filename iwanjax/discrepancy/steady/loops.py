@@ -11,8 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.effects import ForceKind, Kind
-from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.fit import (
     AbstractSteadyProblem,
     JointValues,
@@ -25,11 +23,13 @@ from iwanjax.discrepancy.steady.fit import (
     searched,
     with_sizes,
 )
+from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion, Scales
 from iwanjax.joints.hysteresis import hysteresis
 from iwanjax.joints.iwan import IWAN_PARAMETERS
+from iwanjax.settings.stages import settings
 from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.updating.structural import joint_parameters
 

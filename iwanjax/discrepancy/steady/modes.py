@@ -13,8 +13,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.effects import ForceKind, Kind
-from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.curves import AbstractCurvesProblem, as_measured
 from iwanjax.discrepancy.steady.cycle import CyclicForce, beside
 from iwanjax.discrepancy.steady.fit import (
@@ -28,12 +26,14 @@ from iwanjax.discrepancy.steady.fit import (
     best_shape_near,
     searched,
 )
+from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.quasistatic.single_harmonic import Backbones, OfJoint, backbones
+from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure
 from iwanjax.updating.problem import Measured, Reference
 from iwanjax.updating.structural import StructuralProblem, joint_parameters, structural_problem

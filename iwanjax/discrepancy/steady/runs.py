@@ -10,7 +10,7 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.findings import Observable
-from iwanjax.discrepancy.settings import settings
+from iwanjax.settings.stages import settings
 from iwanjax.signals.force_loop import ForceLoop
 
 T = TypeVar("T")

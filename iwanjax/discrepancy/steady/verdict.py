@@ -8,10 +8,8 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.effects import ForceKind, Kind, kinds_of
 from iwanjax.discrepancy.findings import (
     Errors,
-    Estimate,
     Observable,
     Refitted,
     Refused,
@@ -20,9 +18,11 @@ from iwanjax.discrepancy.findings import (
     alike,
 )
 from iwanjax.discrepancy.judgement import Misfit, judged, worse
-from iwanjax.discrepancy.settings import settings
 from iwanjax.discrepancy.steady.fit import AnyFit, Fit, best_of
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
+from iwanjax.effects.catalogue import kinds_of
+from iwanjax.effects.estimate import Estimate
+from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.estimation.evidence import (
     LEAST_GAIN,
     MODEL_ERROR_ALLOWANCE,
@@ -32,6 +32,7 @@ from iwanjax.estimation.evidence import (
 from iwanjax.estimation.parameters import Parameter
 from iwanjax.joints import ParameterInfo
 from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
+from iwanjax.settings.stages import settings
 
 T = TypeVar("T")
 Run = TypeVar("Run", CurveRun, ModesRun, LoopRun)

@@ -8,13 +8,13 @@ import pytest
 from struck_mass import JOINT, NAMES, RATE, N, pulse, searching, struck
 
 import iwanjax as ij
-from iwanjax.discrepancy.effects import CATALOGUE
-from iwanjax.discrepancy.histories.hypotheses import JointStart, force, with_joint, with_stiction
-from iwanjax.discrepancy.histories.linearise import innovations
-from iwanjax.discrepancy.histories.multistart import multistart
 from iwanjax.discrepancy.histories.ranking import RankedFit
 from iwanjax.discrepancy.histories.refitted import corrected_model
 from iwanjax.dynamics.coordinates import modal_coordinates
+from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.identification.hypotheses import JointStart, force, with_joint, with_stiction
+from iwanjax.identification.linearise import innovations
+from iwanjax.identification.multistart import multistart
 
 FINE = 16
 ROW = np.ones(1)

@@ -26,9 +26,9 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import StudyRecording, diagnose_histories
-from iwanjax.discrepancy.histories.predictor import predictor
 from iwanjax.discrepancy.histories.time_steps import StudyData
 from iwanjax.discrepancy.histories.validation import free_run
+from iwanjax.identification.predictor import predictor
 
 WEAK, STRONG = 5.0, 30.0
 # (use, samples, level, seed).

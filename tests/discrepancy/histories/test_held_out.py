@@ -3,11 +3,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.histories.multistart import laid_out
-from iwanjax.discrepancy.histories.parameter_map import ParameterMap
-from iwanjax.discrepancy.histories.problem import elapsed, rates
 from iwanjax.discrepancy.histories.validation import FreeRun, joined
-from iwanjax.discrepancy.history_settings import HISTORIES
+from iwanjax.identification.multistart import laid_out
+from iwanjax.identification.parameter_map import ParameterMap
+from iwanjax.identification.problem import elapsed, rates
+from iwanjax.settings.histories import HISTORIES
 
 RNG = np.random.default_rng(3)
 

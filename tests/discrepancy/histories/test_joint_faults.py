@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.effects import CATALOGUE
 from iwanjax.discrepancy.histories import joint_faults
-from iwanjax.discrepancy.histories.likelihood import left_by_noise
 from iwanjax.discrepancy.histories.ranking import RankedFit
-from iwanjax.discrepancy.history_settings import HISTORIES
+from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.identification.likelihood import left_by_noise
+from iwanjax.settings.histories import HISTORIES
 
 N = 1000
 SEARCH = SimpleNamespace(

@@ -2,8 +2,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from iwanjax.discrepancy.histories import slow_effects as long_memory
-from iwanjax.discrepancy.history_settings import HISTORIES
+from iwanjax.discrepancy.histories import further_suspects as long_memory
+from iwanjax.settings.histories import HISTORIES
 
 NOISE = 1000.0
 

@@ -9,9 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from struck_mass import JOINT, searching, struck
 
-from iwanjax.discrepancy.effects import ForceKind, JointKind, Kind, SensorKind, kinds_of
 from iwanjax.discrepancy.histories import selection
-from iwanjax.discrepancy.histories.hypotheses import (
+from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
+from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
+from iwanjax.effects.catalogue import kinds_of
+from iwanjax.effects.kinds import ForceKind, JointKind, Kind, SensorKind
+from iwanjax.effects.nested import TURNED, Nested
+from iwanjax.identification.hypotheses import (
     JointStart,
     force,
     joined,
@@ -19,12 +23,9 @@ from iwanjax.discrepancy.histories.hypotheses import (
     with_joint,
     with_stiction,
 )
-from iwanjax.discrepancy.histories.linearise import residuals_at
-from iwanjax.discrepancy.histories.multistart import multistart
-from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
-from iwanjax.discrepancy.histories.problem import Start
-from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
-from iwanjax.discrepancy.nested import TURNED, Nested
+from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.multistart import multistart
+from iwanjax.identification.problem import Start
 from iwanjax.joints import Scales
 
 KINDS = {f"{kind.name} {getattr(kind, 'variant', '')}".strip(): kind for kind in kinds_of()}

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from linear_pair import RATE, M, N, hit, measured_force, model, simulated
 
-from iwanjax.discrepancy.effects import CATALOGUE, ForceKind
-from iwanjax.discrepancy.histories.conditioning import ConditionedRecordings, conditioned
-from iwanjax.discrepancy.histories.multistart import multistart
-from iwanjax.discrepancy.histories.predictor import predictor
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
-from iwanjax.discrepancy.histories.recordings import StudyRecording, cleaned, noise_of, quietest
 from iwanjax.discrepancy.histories.validation import FreeRun, free_run
-from iwanjax.discrepancy.history_settings import CONDITIONING
+from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.identification.conditioning import ConditionedRecordings, conditioned
+from iwanjax.identification.multistart import multistart
+from iwanjax.identification.predictor import predictor
+from iwanjax.identification.problem import HistoryProblem, Start
+from iwanjax.identification.recordings import StudyRecording, cleaned, noise_of, quietest
+from iwanjax.settings.histories import CONDITIONING
 from iwanjax.signals.comparison_band import CORRELATION, END, HALF, OF_NOISE, in_band, over_pairs
 
 AT, PEAK, SHARE = 0.1, 60.0, 0.02

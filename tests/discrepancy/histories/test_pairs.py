@@ -7,7 +7,7 @@ import pytest
 
 from iwanjax.discrepancy.histories import pairs
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
-from iwanjax.discrepancy.history_settings import HISTORIES
+from iwanjax.settings.histories import HISTORIES
 
 N = 1000
 SEARCH = SimpleNamespace(

@@ -4,9 +4,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.effects import ForceKind, kinds_of
-from iwanjax.discrepancy.histories.likelihood import covariance, left_by_noise
-from iwanjax.discrepancy.histories.parameter_map import ParameterMap
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
@@ -19,9 +16,13 @@ from iwanjax.discrepancy.histories.ranking import (
 )
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import compared
-from iwanjax.discrepancy.history_settings import HISTORIES
+from iwanjax.effects.catalogue import kinds_of
+from iwanjax.effects.kinds import ForceKind
 from iwanjax.estimation.evidence import correlation_time
+from iwanjax.identification.likelihood import covariance, left_by_noise
+from iwanjax.identification.parameter_map import ParameterMap
 from iwanjax.joints import PlaceMotion
+from iwanjax.settings.histories import HISTORIES
 from iwanjax.signals.comparison_band import OF_NOISE
 
 N = 4000

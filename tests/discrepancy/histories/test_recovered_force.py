@@ -17,15 +17,16 @@ from linear_pair import (
 )
 
 import iwanjax as ij
-from iwanjax.discrepancy.effects import CATALOGUE, ForceKind
 from iwanjax.discrepancy.findings import RestoringForce
-from iwanjax.discrepancy.histories import hypotheses
-from iwanjax.discrepancy.histories.conditioning import conditioned, directions_of
-from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
-from iwanjax.discrepancy.histories.predictor import predictor
-from iwanjax.discrepancy.histories.problem import HistoryProblem
-from iwanjax.discrepancy.histories.recordings import StudyRecording
 from iwanjax.discrepancy.histories.restoring import restoring_force
+from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.identification import hypotheses
+from iwanjax.identification.conditioning import conditioned, directions_of
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
+from iwanjax.identification.predictor import predictor
+from iwanjax.identification.problem import HistoryProblem
+from iwanjax.identification.recordings import StudyRecording
 
 PEAK, K3, NOISE = 60.0, 1e10, 1e-4
 NAMES = ("cubic_stiffness", "stiffness_error")

@@ -11,13 +11,13 @@ import scipy.optimize
 import scipy.stats
 from linear_pair import JOINT, ROWS, C, K, M, measured_force, problem, simulated
 
-from iwanjax.discrepancy.effects import CATALOGUE
-from iwanjax.discrepancy.histories.columns import columns, unit_effects
-from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
-from iwanjax.discrepancy.histories.multistart import HypothesisFit, multistart
-from iwanjax.discrepancy.histories.places import Place
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.discrepancy.histories.score_test import Candidate, score_test
+from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.identification.columns import columns, unit_effects
+from iwanjax.identification.linearise import linearise, residuals_at
+from iwanjax.identification.multistart import HypothesisFit, multistart
+from iwanjax.identification.places import Place
+from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.signals.comparison_band import END, in_band
 
 FORCES = ("stiffness_error", "viscous_damping", "mass_error")

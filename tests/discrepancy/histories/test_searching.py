@@ -12,26 +12,27 @@ from hypothesis import strategies as st
 from struck_mass import JOINT, resolution, searching, struck
 
 import iwanjax as ij
-from iwanjax.discrepancy.effects import CATALOGUE, ForceKind, JointKind
 from iwanjax.discrepancy.histories import restarts, selection
-from iwanjax.discrepancy.histories.conditioning import upsampled
-from iwanjax.discrepancy.histories.hypotheses import JointStart, force, with_joint, with_stiction
+from iwanjax.discrepancy.histories.further_suspects import pointed_at, probed
 from iwanjax.discrepancy.histories.joint_faults import without_the_other
-from iwanjax.discrepancy.histories.joint_priors import Joint
-from iwanjax.discrepancy.histories.linearise import linearise, residuals_at
-from iwanjax.discrepancy.histories.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.discrepancy.histories.nested import with_nested_laws
-from iwanjax.discrepancy.histories.predictor import Suspects
-from iwanjax.discrepancy.histories.probing import pointed_at, probed
-from iwanjax.discrepancy.histories.problem import Hypothesis, Start
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, scored, settled
-from iwanjax.discrepancy.histories.recordings import noise_of
 from iwanjax.discrepancy.histories.selection import ModelSelection, concluded
 from iwanjax.discrepancy.histories.time_steps import Refined
-from iwanjax.discrepancy.history_settings import HISTORIES
+from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.estimation.levenberg_marquardt import Descent, Layout, SearchStart
 from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.estimation.multistart import alike
+from iwanjax.identification.conditioning import upsampled
+from iwanjax.identification.hypotheses import JointStart, force, with_joint, with_stiction
+from iwanjax.identification.joint_priors import Joint
+from iwanjax.identification.linearise import linearise, residuals_at
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
+from iwanjax.identification.predictor import Suspects
+from iwanjax.identification.problem import Hypothesis, Start
+from iwanjax.identification.recordings import noise_of
+from iwanjax.settings.histories import HISTORIES
 from iwanjax.signals.comparison_band import HALF, OF_NOISE, in_band
 
 NOTHING = Hypothesis(

@@ -8,12 +8,12 @@ import pytest
 import scipy.linalg
 from struck_mass import JOINT, RATE, N, resolution, struck
 
-from iwanjax.discrepancy.histories.linearise import innovations, residuals_at
-from iwanjax.discrepancy.histories.multistart import multistart
-from iwanjax.discrepancy.histories.problem import HistoryProblem, Start
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
 from iwanjax.discrepancy.histories.time_steps import StepRefinement
 from iwanjax.errors import InputError
+from iwanjax.identification.linearise import innovations, residuals_at
+from iwanjax.identification.multistart import multistart
+from iwanjax.identification.problem import HistoryProblem, Start
 
 MANY = 16
 # A joint that slips, and a mode that turns by 1.4 radians from sample to sample.

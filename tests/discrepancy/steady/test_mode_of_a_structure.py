@@ -6,7 +6,7 @@ from concealed.structures import STRUCTURES, tangent_stiffness
 from scipy.linalg import eigh
 
 import iwanjax as ij
-from iwanjax.discrepancy.settings import SteadySettings
+from iwanjax.settings.steady import SteadySettings
 
 STROKES = np.geomspace(0.03, 1.0, 16) * 0.35
 """Of the joint, over macroslip."""

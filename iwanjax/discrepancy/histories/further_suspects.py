@@ -1,0 +1,196 @@
+"""Suspects that a score test at size zero with a short memory does not see.
+
+Too strong ones are probed with forces of any size; what builds up slowly appears with a longer
+memory of the observer.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from iwanjax.discrepancy.histories.joint_faults import limited, stuck
+from iwanjax.discrepancy.histories.ranking import (
+    STEPS,
+    TIME_CONSTANT,
+    RankedFit,
+    Scope,
+    cost_of,
+    placed,
+    scored,
+)
+from iwanjax.discrepancy.histories.score_test import Candidate
+from iwanjax.effects.kinds import ForceKind, SensorKind
+from iwanjax.estimation.multistart import alike
+from iwanjax.identification.columns import unit_effects
+from iwanjax.identification.likelihood import evidence, left_by_noise
+from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.multistart import (
+    SHORT_TIME_CONSTANT,
+    HypothesisFit,
+    multistart,
+)
+from iwanjax.identification.places import Place
+from iwanjax.identification.problem import HistoryProblem, Start, Variant
+
+
+def probed(
+    problem: HistoryProblem,
+    shorts: Sequence[RankedFit],
+    entries: list[RankedFit],
+    candidates: list[Candidate],
+    scope: Scope,
+) -> list[RankedFit]:
+    """All forces at the best places with sizes from weak to overwhelming, the best refitted.
+
+    A place that hits something moves otherwise from then on: neither the size nor the kind of
+    such a force follows from the motion without it.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Predictor and data.
+    shorts, entries : sequence of RankedFit
+        Suspects with a memory of two cycles and of eight, the best first.
+    candidates : list of Candidate
+        Of the screenings, the most promising of each first.
+    scope : Scope
+        What may be suspected.
+
+    Returns
+    -------
+    list of Entry
+        The same and what was found, the best first.
+    """
+    settings, give_up = problem.settings.probing, problem.settings.selection.give_up
+    named = {place.label: place for place in scope.places}
+    labels = pointed_at(shorts, entries, candidates)
+    places = [named[label] for label in labels if label in named][: settings.places]
+    if not places or not scope.in_time():
+        return entries
+    scope.progress("probing forces of any size")
+    given = Start(problem.nothing(), problem.map.given())
+    base = multistart(problem, [given], SHORT_TIME_CONSTANT, 0)[0]
+    starts = [
+        unit.sized(size)
+        for unit in unit_effects(problem, base, scope.kinds, places)
+        for size in _sizes(problem, unit.kind, named[unit.where], np.max(np.abs(unit.force)))
+    ]
+    left = residuals_at(
+        problem, [(s.hypothesis, problem.still(s.theta)) for s in starts], SHORT_TIME_CONSTANT
+    )
+    cost = [float(np.sum(e**2)) for e in left]
+    best: dict[Variant, Start] = {}
+    for i in np.argsort(cost):
+        best.setdefault(starts[i].hypothesis.variant, starts[i])
+    some = list(best.values())[: settings.refitted]
+    fits = multistart(
+        problem, some, SHORT_TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
+    )
+    fits.sort(key=lambda each: each.cost)
+    new = [each.start for each in fits[: settings.kept] if not _known(each, shorts)]
+    known = {entry.fitted.hypothesis.variant: entry for entry in entries}
+    for each in multistart(
+        problem, new, TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
+    ):
+        rival = known.get(each.hypothesis.variant)
+        if (
+            rival is None
+            or each.cost < rival.fitted.cost
+            or rival.fitted.time_constant != each.time_constant
+        ):
+            known[each.hypothesis.variant] = RankedFit(problem, each)
+    return sorted(known.values(), key=cost_of)
+
+
+def pointed_at(
+    shorts: Sequence[RankedFit], entries: Sequence[RankedFit], candidates: Sequence[Candidate]
+) -> list[str]:
+    """Places by rank: where eight cycles and where two point to, then the screenings.
+
+    The former two differ where neither is near the truth, which may be at either.
+    """
+    found = [entry.fitted.hypothesis.where[-1] for entry in (*entries[:1], *shorts[:1])]
+    return list(dict.fromkeys([*found, *(c.start.hypothesis.where[-1] for c in candidates)]))
+
+
+def _known(fitted: HypothesisFit, shorts: Sequence[RankedFit]) -> bool:
+    """Whether the same has come to the same end before."""
+    variant = fitted.hypothesis.variant
+    earlier = [entry.fitted for entry in shorts if entry.fitted.hypothesis.variant == variant]
+    return any(alike(fitted.residual, each.residual) for each in earlier)
+
+
+def _sizes(
+    problem: HistoryProblem, kind: ForceKind | SensorKind, place: Place, largest: float
+) -> list[float]:
+    """Sizes whose largest forces are shares of what the place withstands where it went to."""
+    predictor, kept = problem.predictor, problem.predictor.kept
+    squares, omega2 = np.asarray(place.row) ** 2, np.asarray(predictor.omega2)
+    # A rigid body withstands nothing: what holds it is its inertia.
+    elastic = omega2 > 0.0
+    flexibility = np.sum(squares[:kept][elastic] / omega2[elastic])
+    flexibility += np.sum(squares[kept:] * np.asarray(predictor.left))
+    if not (0.0 < largest < np.inf and flexibility > 0.0):
+        return []
+    whole = place.scales.deflection / flexibility
+    sizes = [share * whole / largest for share in problem.settings.probing.shares]
+    return sizes if kind.positive else [*sizes, *(-size for size in sizes)]
+
+
+def appearing(
+    problem: HistoryProblem,
+    before: HypothesisFit,
+    now: HypothesisFit,
+    entries: Sequence[RankedFit],
+    scope: Scope,
+) -> list[RankedFit]:
+    """Suspects in what a model leaves with a longer memory and did not leave with a shorter one.
+
+    An observer takes what differs from hit to hit, or the phase that a weak force shifts over
+    many cycles, for errors of the state and corrects them away: with a short memory a drifting
+    joint leaves no more than noise. Joints that stick, each a search of its own, are looked at
+    where all others leave something, as with the shorter memory.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Predictor and data.
+    before, now : HypothesisFit
+        The model with its joints refitted, with a shorter and a longer memory.
+    entries : sequence of RankedFit
+        Suspects for which a shorter memory showed too little evidence, the best first.
+    scope : Scope
+        What may be suspected.
+
+    Returns
+    -------
+    list of Entry
+        Refitted with the longer memory, the best first; none where nothing new is left.
+    """
+    settings, selection = problem.settings.slow_effects, problem.settings.selection
+    usual = max(before.cost, left_by_noise(problem))
+    if now.cost < settings.grown * usual or not scope.in_time():
+        return []
+    scope.progress("looking again with a longer memory")
+    least = selection.least_promise / evidence(problem, [now]).worth(now)
+    starts = [c.start for c in scored(problem, now, scope)[: settings.refitted] if c.drop > least]
+    known = [e.fitted.start for e in entries if e.problem is problem][: settings.known]
+    variants = [start.hypothesis.variant for start in known]
+    starts = [*known, *(s for s in starts if s.hypothesis.variant not in variants)]
+    fits = multistart(
+        problem,
+        starts,
+        now.time_constant,
+        STEPS,
+        give_up=selection.give_up,
+        at_most=settings.field,
+        in_time=scope.in_time,
+    )
+    best = min([now.cost, *(each.cost for each in fits)])
+    found = [RankedFit(problem, each) for each in fits]
+    if best > selection.misfit * usual:
+        found += stuck(
+            problem, now, limited(problem, now, best, now.time_constant), scope, now.time_constant
+        )
+    enough = now.cost - settings.new_share * (now.cost - usual)
+    return placed([each for each in found if cost_of(each) < enough])

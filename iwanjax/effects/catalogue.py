@@ -1,0 +1,73 @@
+"""The catalogue: every law and fault that may be missing, by the name that results give it."""
+
+import difflib
+from functools import cache
+
+from iwanjax.effects.joint_faults import JOINT_FAULTS
+from iwanjax.effects.kinds import ForceKind, Kind, force_laws
+from iwanjax.effects.sensor_faults import SENSOR_FAULTS
+from iwanjax.errors import InputError
+from iwanjax.joints import described
+from iwanjax.joints.force_law import AbstractForceLaw
+
+
+@cache
+def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[Kind, ...]:
+    """The kind that a law is, each of its variants."""
+    name, usual, signs = law.effect or (registered, described(law).partition(":")[0], "")
+    return tuple(ForceKind(name, usual, law, signs, v.held, v.words) for v in law.variants)
+
+
+CATALOGUE: dict[str, tuple[Kind, ...]] = {
+    **{law.effect.name: _of_law(name, law) for name, law in force_laws().items() if law.effect},
+    **{kind.name: (kind,) for kind in (*SENSOR_FAULTS, *JOINT_FAULTS)},
+}
+"""Kinds that have a name of their own, each with its variants; :func:`catalogue` has all."""
+
+
+def catalogue() -> dict[str, tuple[Kind, ...]]:
+    """All kinds by name: those of :data:`CATALOGUE`, and every other law that is a joint's type.
+
+    Raises
+    ------
+    InputError
+        Where a law was registered by the name of another kind.
+    """
+    found = dict(CATALOGUE)
+    for registered, law in force_laws().items():
+        kinds = _of_law(registered, law)
+        if found.setdefault(kinds[0].name, kinds) != kinds:
+            raise InputError(
+                f"hypotheses: {kinds[0].name!r} is a kind of the catalogue; register "
+                f"{law.__name__} under another name"
+            )
+    return found
+
+
+def shipped(kind: ForceKind) -> bool:
+    """Whether a kind's law is one of the package's own."""
+    return kind.law.__module__.startswith("iwanjax.")
+
+
+def kinds_of(names: tuple[str, ...] = ()) -> tuple[Kind, ...]:
+    """The kinds of these names; for none all but laws that are only tried when asked for.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, with the nearest known one.
+    """
+    known = catalogue()
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+            raise InputError(f"hypotheses: {name!r} is unknown; {hint}")
+    if names:
+        return tuple(kind for name in names for kind in known[name])
+    return tuple(
+        kind
+        for kinds in known.values()
+        for kind in kinds
+        if not isinstance(kind, ForceKind) or kind.law.tried
+    )

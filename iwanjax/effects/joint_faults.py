@@ -1,0 +1,37 @@
+"""Faults of joints: one that sticks, drifts, was left out, or is moved by several modes."""
+
+from iwanjax.effects.kinds import JointKind, ModeKind
+from iwanjax.joints import Iwan4, ParameterInfo
+from iwanjax.joints.iwan4 import NEVER_SLIPPING, SLIDING_AT_ONCE
+
+JOINT_FAULTS = (
+    JointKind(
+        "stiction",
+        "static and kinetic friction that differ",
+        (ParameterInfo("theta", "1", "kinetic over static friction", 0.0, upper=1.0),),
+        "less damping after large amplitudes than the joint's growth would have it",
+    ),
+    JointKind(
+        "joint_drift",
+        "bolt loosening, wear-in, temperature",
+        (
+            ParameterInfo("F_S_change", "1", "of ln F_S from recording to recording"),
+            ParameterInfo("K_T_change", "1", "of ln K_T from recording to recording"),
+        ),
+        "recordings that each want another strength of one joint",
+    ),
+    JointKind(
+        "iwan_joint",
+        "a joint left out",
+        Iwan4.parameters,
+        "microslip where no joint is",
+        (SLIDING_AT_ONCE, NEVER_SLIPPING),
+    ),
+    ModeKind(
+        "modal_coupling",
+        "a joint that several modes move at once",
+        ParameterInfo("ratio", "1", "the joint's deflection by the other mode over that by this"),
+        "hits that differ at equal amplitude, the lower in frequency the more another mode moves",
+    ),
+)
+"""What is wrong with a model's joints."""

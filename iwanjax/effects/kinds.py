@@ -1,0 +1,177 @@
+"""What may be missing from a model: kinds of physics and of faults, each with its signs."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, TypeAlias
+
+from jaxtyping import Array
+
+from iwanjax.effects.nested import Nested
+from iwanjax.joints import JOINTS, ParameterInfo
+from iwanjax.joints.force_law import AbstractForceLaw, NestedLaw, PlaceMotion, Scales
+
+
+@dataclass(frozen=True)
+class ForceKind:
+    """One kind of missing physics: a law of :mod:`iwanjax.joints` at some place of the structure.
+
+    Parameters
+    ----------
+    name : str
+        As in ``diagnosis.json``.
+    usual : str
+        What the field calls it.
+    law : type
+        Of which the force, what is fitted, where to begin and the nested laws are.
+    signs : str
+        What betrays it, in words.
+    held : tuple of (str, value)
+        Other arguments of the law.
+    variant : str
+        Which of several forms of the same name, in words; empty for the only one.
+    """
+
+    name: str
+    usual: str
+    law: type[AbstractForceLaw]
+    signs: str = ""
+    held: tuple[tuple[str, Any], ...] = ()
+    variant: str = ""
+
+    @property
+    def size(self) -> ParameterInfo:
+        """The factor of the force; zero is no force at all."""
+        return self._infos()[0]
+
+    @property
+    def shape(self) -> ParameterInfo | None:
+        """A second, positive parameter that the force depends on in another way."""
+        return self._infos()[1] if len(self._infos()) > 1 else None
+
+    @property
+    def positive(self) -> bool:
+        """Whether a negative size means nothing."""
+        return self.size.lower >= 0.0
+
+    @property
+    def inertial(self) -> bool:
+        """Whether the force is in proportion to the place's acceleration."""
+        return self.law.inertial
+
+    @property
+    def limits(self) -> tuple[Nested, ...]:
+        """Simpler kinds that it becomes at the ends of its shape's range.
+
+        Where one of them does all but as well, that one is named.
+        """
+        return _nested(self.law.nested(**dict(self.held)))
+
+    def shapes(self, seen: Scales) -> tuple[float, ...]:
+        """Values of the shape to begin with."""
+        return self.law.starts(seen)
+
+    def unit_force(self, motion: PlaceMotion, shape: Array, memory: Array) -> tuple[Array, Array]:
+        """Force that opposes a growing deflection, for size 1, and what the place remembers.
+
+        Elementwise over places, one number of memory each.
+        """
+        return self.law.scaled(1.0, shape, **dict(self.held)).follow(motion, memory)
+
+    def _infos(self) -> tuple[ParameterInfo, ...]:
+        size, *shape = self.law.searched()
+        return (replace(size, lower=-math.inf) if self.law.either_sign else size, *shape)
+
+
+@dataclass(frozen=True)
+class SensorKind:
+    """One kind of fault of the measurement chain; it acts on what is predicted, not on the data.
+
+    Parameters
+    ----------
+    name, usual, size, signs
+        As for :class:`ForceKind`.
+    acts : {"gain", "delay", "limit"}
+        What is wrong with a sensor: a factor 1 + size, a delay in seconds, or the largest value
+        that it shows.
+    fixed : float, optional
+        The size, where there is nothing to fit.
+    positive : bool
+        Whether a negative size means nothing.
+    limits : tuple of Nested
+        Simpler kinds that it becomes at one size: with nothing to fit.
+    """
+
+    name: str
+    usual: str
+    size: ParameterInfo
+    signs: str
+    acts: Literal["gain", "delay", "limit"]
+    fixed: float | None = None
+    positive: bool = False
+    limits: tuple[Nested, ...] = ()
+
+
+@dataclass(frozen=True)
+class JointKind:
+    """One kind of fault of the model's joints, or a joint too few.
+
+    Parameters
+    ----------
+    name, usual, signs
+        As for :class:`ForceKind`.
+    parameters : tuple of ParameterInfo
+        What is fitted.
+    nested : tuple of NestedLaw
+        Simpler laws that a joint becomes.
+    """
+
+    name: str
+    usual: str
+    parameters: tuple[ParameterInfo, ...]
+    signs: str
+    nested: tuple[NestedLaw, ...] = ()
+
+    @property
+    def limits(self) -> tuple[Nested, ...]:
+        """As for :class:`ForceKind`."""
+        return _nested(self.nested)
+
+
+@dataclass(frozen=True)
+class ModeKind:
+    """One way in which a mode's own joint is not its own: what else moves it.
+
+    Parameters
+    ----------
+    name, usual, size, signs
+        As for :class:`ForceKind`.
+    limits : tuple of Nested
+        As for :class:`ForceKind`.
+    """
+
+    name: str
+    usual: str
+    size: ParameterInfo
+    signs: str
+    limits: tuple[Nested, ...] = ()
+    # There is nothing about it beside its size.
+    shape: ClassVar[None] = None
+
+
+Kind: TypeAlias = ForceKind | SensorKind | JointKind | ModeKind
+
+
+def _nested(laws: Iterable[NestedLaw]) -> tuple[Nested, ...]:
+    """The kinds that nested laws are; a law that is no kind is no hypothesis either."""
+    return tuple(
+        Nested(law.effect.name if law.effect else registered, nested.narrowed, nested.widened)
+        for nested in laws
+        for registered, law in force_laws().items()
+        if law is nested.law and any(not variant.words for variant in law.variants)
+    )
+
+
+def force_laws() -> dict[str, type[AbstractForceLaw]]:
+    """Laws among the registered joints that may stand alone, by the name they are registered by."""
+    return {name: law for name, law in JOINTS.items() if issubclass(law, AbstractForceLaw)}

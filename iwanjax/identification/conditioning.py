@@ -1,0 +1,274 @@
+"""Recordings as a diagnosis needs them: forces without their noise, residuals' weights."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from iwanjax.dynamics.coordinates import ModalCoordinates
+from iwanjax.dynamics.parabolic_hold import hold
+from iwanjax.errors import InputError
+from iwanjax.identification.observer import state_at_beginning
+from iwanjax.identification.predictor import Data, Predictor
+from iwanjax.identification.recordings import (
+    CleanForce,
+    StudyRecording,
+    cleaned,
+    noise_of,
+    quietest,
+)
+from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
+from iwanjax.signals.comparison_band import HALF, OF_NOISE
+
+
+@dataclass(frozen=True, eq=False)
+class ConditionedRecordings:
+    """Recordings side by side, the shorter ones filled up.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the recordings.
+    data : Data
+        As the predictor takes them.
+    noise : (recordings, sensors) array
+        Standard deviation of each sensor's noise.
+    warnings : tuple of str
+        What is odd about them.
+    """
+
+    names: tuple[str, ...]
+    data: Data
+    noise: np.ndarray
+    warnings: tuple[str, ...]
+
+
+def conditioned(
+    recordings: Sequence[StudyRecording],
+    made: Predictor,
+    modal: ModalCoordinates,
+    known_noise: np.ndarray,
+    length: int,
+    count: int,
+    directions: int,
+    settings: ConditioningSettings = CONDITIONING,
+) -> ConditionedRecordings:
+    """Clean forces, integrate what they do to the modes, and weigh residuals.
+
+    Parameters
+    ----------
+    recordings : sequence of StudyRecording
+        To be compared together.
+    made, modal : Predictor, ModalCoordinates
+        Of the structure.
+    known_noise : (sensors,) array
+        Standard deviations that the study gives; NaN where it does not.
+    length, count : int
+        Samples, and recordings, to fill up to: kernels are compiled for one shape.
+    directions : int
+        Of a state that is uncertain.
+    settings : ConditioningSettings
+        Of the stage.
+
+    Raises
+    ------
+    InputError
+        For recordings that are not finite, and those whose forces are all zero.
+    """
+    rows, noises, warnings = [], [], []
+    cycles = (
+        math.sqrt(np.max(np.asarray(made.omega2)))
+        * float(made.dt)
+        * made.substeps
+        / (2.0 * math.pi)
+    )
+    beside = settings.ringing if cycles > settings.high else settings.beside
+    for each in recordings:
+        require_usable(each, settings)
+        response = each.response.astype(float)
+        missing = (0, length - len(response))
+        kick = np.zeros(length)
+        felt, unsure = np.zeros_like(response), np.zeros((2 * made.kept, 0))
+        push = np.zeros((length, made.substeps, modal.W.shape[0] + 2 * made.kept))
+        if each.force is None:
+            own = noise_of(response, 0, settings)
+        else:
+            force = cleaned(each.force.astype(float), beside, settings)
+            busy = force.endless or each.moving
+            own = (
+                quietest(response, settings) if busy else noise_of(response, force.first, settings)
+            )
+            felt = _felt(made, modal, force, settings)
+            unsure = _unsure(made, modal, force, settings)
+            kick[min(force.last + 1, len(response) - 1)] = 1.0
+            push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))), settings)
+            if each.moving:
+                # Accelerations follow the force at once, at the first sample too.
+                push[0, -1, 2 * made.kept :] = force.clean[0] @ np.asarray(modal.W).T
+            warnings += _odd(each, force)
+        noise = np.where(np.isnan(known_noise), own, known_noise)
+        if each.moving:
+            # From its own beginning, instead of after a pulse.
+            kick[:], kick[0] = 0.0, 1.0
+            state, unsure = state_at_beginning(made, response, noise, push, settings)
+            push[0, -1, : len(state)] = state
+        rms = np.sqrt(np.mean(response**2, axis=0))
+        allowed = np.hypot(settings.model_error, np.asarray(made.shape_error))
+        deviation = np.sqrt(noise**2 + (allowed * rms) ** 2)
+        weight = 1.0 / (OF_NOISE * np.sqrt(deviation**2 + felt**2))
+        weight[:HALF] = weight[-HALF:] = 0.0
+        rows.append(
+            (
+                push,
+                np.pad(response, (missing, (0, 0))),
+                np.pad(weight, (missing, (0, 0))),
+                kick,
+                np.pad(unsure, ((0, 0), (0, directions - unsure.shape[1]))),
+            )
+        )
+        noises.append(noise)
+    filled = [rows[i % len(rows)] for i in range(count)]
+    push, response, weight, kick, unsure = (np.stack(x) for x in zip(*filled, strict=True))
+    weight[len(rows) :] = 0.0
+    data = Data(*jax.device_put((push, response, weight, kick, unsure)))
+    names = tuple(each.name for each in recordings)
+    return ConditionedRecordings(names, data, np.stack(noises), tuple(warnings))
+
+
+def directions_of(
+    recordings: Sequence[StudyRecording],
+    made: Predictor,
+    settings: ConditioningSettings = CONDITIONING,
+) -> int:
+    """In how many the states of recordings are uncertain: one that is moving at first in all."""
+    moving = any(each.moving for each in recordings)
+    return max(settings.directions, 2 * made.kept) if moving else settings.directions
+
+
+def require_usable(each: StudyRecording, settings: ConditioningSettings = CONDITIONING) -> None:
+    """Refuse what is not finite, too short, or shows nothing."""
+    for array, what in ((each.response, "response"), (each.force, "force")):
+        if array is not None and not np.all(np.isfinite(array)):
+            raise InputError(f"{each.name}: {what} holds NaN or infinite values")
+    if each.force is not None and not np.any(each.force):
+        raise InputError(
+            f"{each.name}: the force is zero throughout; a diagnosis needs the force that made a "
+            "recording, or a free decay from where nothing touches the structure any more"
+        )
+    silent = np.flatnonzero(~np.any(each.response, axis=0))
+    if silent.size:
+        raise InputError(f"{each.name}: sensor {silent[0]} shows nothing at all; leave it out")
+    if len(each.response) < settings.least:
+        raise InputError(f"{each.name}: {len(each.response)} samples are too few to diagnose")
+
+
+def _odd(each: StudyRecording, force: CleanForce) -> list[str]:
+    """What about a recording may mislead."""
+    found = []
+    for i, column in enumerate(force.clean.T):
+        size = np.abs(column)
+        acting = int(np.sum(size > 0.1 * np.max(size))) if np.any(size) else 0
+        if 0 < acting < 5:
+            found.append(
+                f"{each.name}: the pulse of input {i} has {acting} samples; what happens between "
+                "them may look like missing physics"
+            )
+        if acting >= 5 and int(np.sum(size >= 0.999 * np.max(size))) >= max(3, acting // 4):
+            found.append(
+                f"{each.name}: the force of input {i} looks clipped; its true size is not known"
+            )
+    return found
+
+
+def _felt(
+    made: Predictor, modal: ModalCoordinates, force: CleanForce, settings: ConditioningSettings
+) -> np.ndarray:
+    """What errors of a force do to accelerations at once while it acts, (N, sensors)."""
+    pulse = np.any(force.clean != 0, axis=1)
+    if made.quantity != "acceleration":
+        return np.zeros((len(pulse), made.sensors.shape[0]))
+    errors = force.noise + settings.force_error * np.max(np.abs(force.clean), axis=0)
+    direct = np.asarray(made.sensors) @ np.asarray(modal.W)[: made.kept]
+    size = np.sqrt(direct**2 @ errors**2)
+    wide = np.convolve(pulse, np.ones(2 * HALF + 1), "same") > 0
+    return wide[:, None] * size
+
+
+def _pushed(
+    made: Predictor, modal: ModalCoordinates, force: np.ndarray, settings: ConditioningSettings
+) -> np.ndarray:
+    """What a force does to the modes over each step, by Fourier interpolation of its samples.
+
+    A hammer's pulse may be ten samples long. Whatever a recorder's filter lets through, up to
+    half the sampling rate, comes out as it was; splines of degree 7 lose five per cent at
+    0.4 of it, and modes at such frequencies would start with as large an error.
+    """
+    kept, W = made.kept, np.asarray(modal.W)
+    N, steps = len(force), made.substeps
+    left = W.shape[0] - kept
+    push = np.zeros((N, steps, 3 * kept + left))
+    acts = np.any(force != 0, axis=1)
+    near = np.flatnonzero(np.convolve(acts, np.ones(2 * settings.tail + 1), "same") > 0)
+    near = near[near > 0]
+    if not near.size:
+        return push
+    parts = settings.force_parts
+    part, fine = float(made.dt) / parts, 2 * parts * steps
+    between = upsampled(force, fine)
+    by = hold(np.asarray(made.omega2), np.asarray(made.C), part)
+    for k in range(steps):
+        q: Any = np.zeros((kept, len(near)))
+        v: Any = q
+        for j in range(k * parts, (k + 1) * parts):
+            first = (near - 1) * fine + 2 * j
+            f_0, f_half, f_1 = (W[:kept] @ between[first + i].T for i in range(3))
+            q, v = by.free(q, v)
+            p: Any = f_0, 4.0 * f_half - 3.0 * f_0 - f_1, 2.0 * (f_0 - 2.0 * f_half + f_1)
+            more_q, more_v = by.pushed(p)
+            q, v = q + more_q, v + more_v
+        end = between[(near - 1) * fine + 2 * parts * (k + 1)] @ W.T
+        # Outside its pulse what is between the samples only rings.
+        end = np.where(acts[near, None], end, 0.0)
+        push[near, k] = np.concatenate([q.T, v.T, end], axis=1)
+    return push
+
+
+def upsampled(force: np.ndarray, times: int) -> np.ndarray:
+    """So many values for each sample, the first at the sample itself; no others between them."""
+    found = np.fft.irfft(np.fft.rfft(force, axis=0), times * len(force), axis=0)
+    return times * found
+
+
+def _unsure(
+    made: Predictor, modal: ModalCoordinates, force: CleanForce, settings: ConditioningSettings
+) -> np.ndarray:
+    """Directions and deviations of the state after a pulse whose force is noisy."""
+    from iwanjax.identification.observer import stepped
+
+    kept = made.kept
+    C = np.asarray(made.C)
+    A = np.block(
+        [
+            [np.zeros((kept, kept)), np.eye(kept)],
+            [-np.diag(made.omega2), -(C if C.ndim == 2 else np.diag(C))],
+        ]
+    )
+    dt = float(made.dt) * made.substeps
+    step = stepped(A, dt)
+    W = np.vstack([np.zeros_like(modal.W[:kept]), modal.W[:kept]]) * dt
+    columns = []
+    for n in range(force.last, max(force.first - settings.ringing, 0) - 1, -1):
+        active = np.flatnonzero(force.clean[n])
+        columns += [W[:, i] * force.noise[i] for i in active]
+        W = step @ W
+    found = np.zeros((2 * kept, settings.directions))
+    if columns:
+        # Displacements times frequencies: both halves of the state are of one size then.
+        size = np.concatenate([np.sqrt(np.maximum(made.omega2, 1.0)), np.ones(kept)])
+        U, S, _ = np.linalg.svd(size[:, None] * np.stack(columns, axis=1), full_matrices=False)
+        count = min(settings.directions, len(S))
+        found[:, :count] = U[:, :count] * S[:count] / size[:, None]
+    return found

@@ -1,0 +1,132 @@
+"""How much more likely the data are with a suspect than without."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.effects.kinds import JointKind
+from iwanjax.estimation.evidence import correlation_time, log_evidence
+from iwanjax.identification.multistart import HypothesisFit
+from iwanjax.identification.problem import HistoryProblem, free_values, values_measured
+from iwanjax.signals.comparison_band import OF_NOISE
+
+# No model is trusted to explain its residual better than this share of the noise's variance.
+_LEAST_TEMPERATURE = 0.3
+UNSURE = 0.05
+"""Share of the noise's square that some hundred samples before the triggers leave open."""
+
+
+class Evidence(NamedTuple):
+    r"""Log evidences :math:`-S/(2T\tau) - \frac{k}{2}\ln(N/\tau)` of fits to the same data.
+
+    Attributes
+    ----------
+    values : (fits,) array
+        Of each.
+    temperature : float
+        Squared residual of the best over the number N of values.
+    tau : float
+        Its correlation time in samples.
+    """
+
+    values: np.ndarray
+    temperature: float
+    tau: float
+
+    def worth(self, fitted: HypothesisFit) -> float:
+        """Evidence that the whole residual of a fit stands for."""
+        return fitted.cost / (2.0 * self.temperature * self.tau)
+
+    def at(
+        self, problem: HistoryProblem, fits: Sequence[HypothesisFit], temperature: float
+    ) -> "Evidence":
+        """The same fits at another temperature."""
+        costs, known = zip(*((each.cost, unknowns(each)) for each in fits), strict=True)
+        count = values_measured(problem)
+        values = log_evidence(costs, known, count, temperature, self.tau)
+        return Evidence(values, temperature, self.tau)
+
+
+def evidence(problem: HistoryProblem, fits: Sequence[HypothesisFit]) -> Evidence:
+    """Of fits with the same memory, all at the temperature and correlation of the best."""
+    best = min(fits, key=lambda each: each.cost)
+    count = values_measured(problem)
+    temperature = max(_LEAST_TEMPERATURE, float(best.misfit.sum()) / count)
+    tau = correlation_time(best.residual)
+    return Evidence(np.zeros(0), temperature, tau).at(problem, fits, temperature)
+
+
+def covariance(
+    problem: HistoryProblem, fitted: HypothesisFit, own_error: bool = True
+) -> np.ndarray:
+    r"""Of what was free in a fit, (free, free), by the residual's own size.
+
+    .. math:: C = (J^T J / s + P)^{-1} + \frac{R-1}{R} \sum_r \delta_r \delta_r^T,
+
+    with the prior's precision P. Residuals that are correlated over some samples count as so many
+    fewer. What exceeds the noise is the model's own error: it goes a few ways only (:func:`scale`),
+    less those that the fit has taken up, and it pulls recordings of different amplitude different
+    ways: :math:`\delta_r` is what the values change by when recording r of R is left out (the
+    jackknife, linearised). Where nothing exceeds the noise, and without ``own_error``, there
+    is no such term. NaN where the model broke down.
+    """
+    if not np.all(np.isfinite(fitted.normal)):
+        return np.full_like(fitted.normal, np.nan)
+    table, prior = evidence(problem, [fitted]), np.diag(fitted.precision)
+    white = table.temperature * table.tau
+    error = float(fitted.misfit.sum()) - (1.0 - UNSURE) * left_by_noise(problem)
+    taken = len(free_values(problem, fitted.hypothesis))
+    unit = max(white, 1.0 + own_error * error / max(1, _ways(problem) - taken))
+    found = np.linalg.pinv((fitted.normal - prior) / unit + prior)
+    R = len(fitted.parts)
+    # Where a joint drifts each recording has values of its own, which go with it.
+    if not own_error or error <= 0.0 or R < 2 or fitted.hypothesis.drifting is not None:
+        return found
+    weighed = fitted.parts.sum(axis=0) + white * prior
+    left_out = zip(fitted.parts, fitted.scores, strict=True)
+    change = np.stack([np.linalg.pinv(weighed - part) @ score for part, score in left_out])
+    change -= change.mean(axis=0)
+    return found + (R - 1) / R * change.T @ change
+
+
+def left_by_noise(problem: HistoryProblem) -> float:
+    """Squared residual that the sensors' noise alone leaves.
+
+    Weights allow for errors of the model too, so that it is less than the number of samples.
+    """
+    weight = np.asarray(problem.data.weight)
+    return float(np.sum((OF_NOISE * problem.noise * weight) ** 2))
+
+
+def scale(problem: HistoryProblem, fitted: HypothesisFit, unsure: float = 0.0) -> float:
+    """What differences of squares between rivals of a fit are to be divided by.
+
+    What exceeds the noise is the model's own error. It goes a few ways only, an amplitude and a
+    phase of each mode in each recording, and so speaks for or against any rival by chance, more
+    than white noise of that size would.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        That it was fitted with.
+    fitted : HypothesisFit
+        The best model.
+    unsure : float
+        Share of the noise's square that may be error of the model as well.
+    """
+    table = evidence(problem, [fitted])
+    error = float(fitted.misfit.sum()) - (1.0 - unsure) * left_by_noise(problem)
+    return max(table.temperature * table.tau, 1.0 + error / _ways(problem))
+
+
+def _ways(problem: HistoryProblem) -> int:
+    """In how many an error of the model's own goes: amplitude and phase of modes in recordings."""
+    return 2 * problem.predictor.kept * problem.recordings
+
+
+def unknowns(fitted: HypothesisFit) -> int:
+    """Number of values fitted beyond those of the joints as given."""
+    hypothesis = fitted.hypothesis
+    own = sum(hypothesis.sizes) + sum(hypothesis.shapes)
+    return own + sum(len(k.parameters) for k in hypothesis.kinds if isinstance(k, JointKind))

@@ -1,0 +1,106 @@
+"""Residuals of hypotheses at some values, with their derivatives or without."""
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.estimation.linearisation import Linearisation
+from iwanjax.identification import kernels
+from iwanjax.identification.joint_priors import Joint
+from iwanjax.identification.predictor import Predictor, Suspects
+from iwanjax.identification.problem import HistoryProblem, Hypothesis
+from iwanjax.threads import available_threads
+
+_Found = TypeVar("_Found")
+
+
+def linearise(
+    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
+) -> list[Linearisation]:
+    """Residuals and their derivatives, for (hypothesis, theta of each recording)."""
+    if not points:
+        return []
+    gains = problem.gains([h.suspects for h, _ in points], _means(points), time_constant)
+    values = points[0][1].shape[1]
+    # Derivatives come in as many parts as there are threads, so that none waits for a hypothesis
+    # on its own; more parts than derivatives would be empty.
+    threads = min(available_threads(), values)
+    size = math.ceil(values / threads)
+    # All parts are of one size, for one kernel.
+    ways = np.eye(threads * size, values)
+    turned = np.zeros((len(points), len(ways), *gains.gain.shape[1:]))
+    turned[:, : gains.slope.shape[1]] = gains.slope
+
+    J = np.empty((len(points), problem.recordings, len(ways), *problem.data.response.shape[1:]))
+
+    def run(i: int) -> np.ndarray:
+        point, part = i // threads, slice(i % threads * size, (i % threads + 1) * size)
+        fixed = _fixed(problem, *points[point])
+        along = jax.device_put((ways[part], gains.gain[point], turned[point, part]))
+        e, J[point, :, part] = kernels.slopes(*fixed, *along, problem.data)
+        return np.asarray(e)
+
+    slots = points[0][0].suspects.row.shape[0]
+    found = _each(problem, ("slopes", slots), threads * len(points), run)
+    return [
+        Linearisation.of(e, own[:, :values]) for e, own in zip(found[::threads], J, strict=True)
+    ]
+
+
+def residuals_at(
+    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
+) -> list[np.ndarray]:
+    """Residuals alone, for a tenth of the price."""
+    return [residual for residual, _ in _residuals(problem, points, time_constant)]
+
+
+def innovations(
+    problem: HistoryProblem, hypothesis: Hypothesis, theta: np.ndarray, time_constant: float
+) -> np.ndarray:
+    """Measured less predicted, (recordings, N, sensors): all frequencies, no weights."""
+    return _residuals(problem, [(hypothesis, theta)], time_constant)[0][1]
+
+
+def _residuals(
+    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    if not points:
+        return []
+    gains = problem.gains(
+        [h.suspects for h, _ in points], _means(points), time_constant, slopes=False
+    ).gain
+
+    def run(i: int) -> tuple[np.ndarray, np.ndarray]:
+        fixed = _fixed(problem, *points[i])
+        found = kernels.residuals(*fixed, gains[i], problem.data)
+        return np.asarray(found[0]), np.asarray(found[1])
+
+    slots = points[0][0].suspects.row.shape[0]
+    return _each(problem, ("residuals", slots), len(points), run)
+
+
+def _means(points: Sequence[tuple[Hypothesis, np.ndarray]]) -> np.ndarray:
+    return np.stack([theta.mean(axis=0) for _, theta in points])
+
+
+def _fixed(
+    problem: HistoryProblem, hypothesis: Hypothesis, theta: np.ndarray
+) -> tuple[Predictor, tuple[Joint, ...], Suspects, Array]:
+    return problem.predictor, problem.joints, hypothesis.suspects, jax.device_put(theta)
+
+
+def _each(
+    problem: HistoryProblem, kernel: tuple[str, int], count: int, run: Callable[[int], _Found]
+) -> list[_Found]:
+    """All jobs side by side; the first alone while a kernel is compiled: two would both do it."""
+    made = (*kernel, problem.data.response.shape[1])
+    alone = 0 if made in problem.compiled else 1
+    found = [run(i) for i in range(alone)]
+    problem.compiled.add(made)
+    with ThreadPoolExecutor(available_threads()) as pool:
+        return [*found, *pool.map(run, range(alone, count))]

@@ -1,0 +1,88 @@
+"""What each place of a structure did in the recordings, by an observer that follows them."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from iwanjax.identification.observer import observer_gain, process_noise, stepped
+from iwanjax.identification.problem import HistoryProblem
+from iwanjax.joints import Scales
+
+
+class Followed(NamedTuple):
+    """States that follow the recordings.
+
+    Attributes
+    ----------
+    q, v : (recordings, N, modes) array
+        Modal displacements and velocities.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+
+
+def followed(problem: HistoryProblem) -> Followed:
+    """Modal states by a linear observer with a short memory, the joints at their tangents.
+
+    What the model lacks is small over one cycle, so that deflections and rates come out nearly
+    right whatever is missing.
+    """
+    predictor = problem.predictor
+    A, H = problem.rest()
+    dt = float(predictor.dt) * predictor.substeps
+    step, scaled = stepped(A, dt), H / problem.noise[:, None]
+    time_constant = problem.settings.conditioning.back_time_constant
+    gain = observer_gain(step, scaled, dt, process_noise(step, scaled, dt, time_constant))
+    gain = gain / problem.noise
+    kept, substeps = predictor.kept, predictor.substeps
+    short = stepped(A, float(predictor.dt))
+    push, y = np.asarray(problem.data.push), np.asarray(problem.data.response)
+    direct = np.zeros((*y.shape[:2], y.shape[2]))
+    if predictor.quantity == "acceleration":
+        modal = push[:, :, -1, 2 * kept : 3 * kept]
+        direct = modal @ np.asarray(predictor.sensors).T
+    z = np.zeros((y.shape[0], 2 * kept))
+    states = np.zeros((*y.shape[:2], 2 * kept))
+    for n in range(y.shape[1]):
+        for k in range(substeps):
+            z = z @ short.T + push[:, n, k, : 2 * kept]
+        z = z + (y[:, n] - direct[:, n] - z @ H.T) @ gain.T
+        states[:, n] = z
+    return Followed(states[..., :kept], states[..., kept:])
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A place where a force may be missing.
+
+    Attributes
+    ----------
+    label : str
+        Its name.
+    row : (modes,) array
+        What it sees of the modes.
+    scales : Scales
+        What it did.
+    """
+
+    label: str
+    row: np.ndarray
+    scales: Scales
+
+
+def places_of(
+    problem: HistoryProblem, seen: Followed, rows: dict[str, np.ndarray]
+) -> tuple[Place, ...]:
+    """Places by their rows on all modes, with the largest deflection and the main period."""
+    weight = np.asarray(problem.data.weight)[..., :1] > 0
+    kept = problem.predictor.kept
+    found = []
+    for label, row in rows.items():
+        d, v = (np.where(weight[..., 0], x @ row[:kept], 0.0) for x in seen)
+        largest = float(np.max(np.abs(d)))
+        rate = float(np.sqrt(np.mean(v**2)))
+        period = 2.0 * np.pi * float(np.sqrt(np.mean(d**2))) / rate if rate > 0 else 1.0
+        found.append(Place(label, row, Scales(max(largest, 1e-300), max(period, 1e-12))))
+    return tuple(found)

@@ -1,0 +1,358 @@
+"""What predicts recordings from a sample to the next: modes, places of joints, sensors, forces."""
+
+from typing import Any, Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
+from iwanjax.dynamics.parabolic_hold import MOST, Hold, hold, on
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.errors import InputError
+from iwanjax.signals.comparison_band import END
+from iwanjax.structures import JointedStructure, LinearTrust
+
+
+class Suspects(NamedTuple):
+    """What is suspected beside the joints: a force at a place, or a sensor, in each slot.
+
+    Attributes
+    ----------
+    row : (slots, modes) array
+        Where a force acts, on all modes.
+    force : (slots, kinds) array
+        Zero but for the kind of force, where it is the unit of its size.
+    chain : (slots, 3, sensors) array
+        Zero but for what is wrong with a sensor: unit of its gain's error, of its delay in
+        samples, and of the largest value that it shows.
+    logarithmic : (slots,) array
+        1 where the size is the exponential of its parameter.
+    """
+
+    row: Float[Array, "slots modes"]
+    force: Float[Array, "slots kinds"]
+    chain: Float[Array, "slots 3 sensors"]
+    logarithmic: Float[Array, " slots"]
+
+
+class Values(NamedTuple):
+    """What is fitted, of one recording.
+
+    Attributes
+    ----------
+    z : (parameters,) array
+        Errors of the linear model, then joint parameters, in prior deviations from those given.
+    suspects : (slots, 2) array
+        Of each slot the size in its unit, or its logarithm, and the logarithm of its shape.
+    state : (directions,) array
+        Errors of the state after the force, in deviations.
+    """
+
+    z: Float[Array, " parameters"]
+    suspects: Float[Array, "slots 2"]
+    state: Float[Array, " directions"]
+
+
+def sizes_of(suspects: Suspects, values: Array) -> Array:
+    """Sizes of the slots in their units."""
+    size = values[:, 0]
+    return jnp.where(suspects.logarithmic > 0, jnp.exp(jnp.minimum(size, 50.0)), size)
+
+
+Quantity = Literal["acceleration", "velocity", "displacement"]
+"""What the sensors measure."""
+
+# Modes beyond this share of the sampling rate act by their flexibility.
+_HIGHEST = 0.6
+
+
+class Data(NamedTuple):
+    """Recordings, side by side.
+
+    Attributes
+    ----------
+    push : (recordings, N, substeps, states) array
+        What the forces do over each step that leads to a sample: to q, to v, their modal
+        forces at its end, and those of the modes left out.
+    response : (recordings, N, sensors) array
+        As measured.
+    weight : (recordings, N, sensors) array
+        One over the deviation that a residual may have in the band that is compared; zero
+        where nothing was measured.
+    kick : (recordings, N) array
+        One at the sample where the state is uncertain.
+    unsure : (recordings, 2 kept, directions) array
+        By how much, and along which directions.
+    """
+
+    push: Float[Array, "recordings N substeps states"]
+    response: Float[Array, "recordings N sensors"]
+    weight: Float[Array, "recordings N sensors"]
+    kick: Float[Array, "recordings N"]
+    unsure: Float[Array, "recordings states directions"]
+
+
+class Predictor(eqx.Module):
+    r"""A structure's response to measured forces, corrected by what was measured before.
+
+    Modes are exact; forces of joints and suspects are parabolas over a step. They are
+    extrapolated from their last three values, evaluated where that leads, and corrected by one
+    Newton step with the joints' chords: third order, one evaluation a step.
+
+    Attributes
+    ----------
+    omega2, C : arrays
+        Of the modes that move.
+    joints : (joints, modes) array
+        Their rows on all modes.
+    sensors : (sensors, kept) array
+        What the sensors see of the modes that move.
+    left : (modes - kept,) array
+        Flexibilities of the others.
+    stiffness : (joints,) array
+        Reference stiffness of the joints.
+    by : Hold
+        Over one step.
+    dt : array
+        Step, s.
+    uncertain : (2, modes) array
+        Prior deviations of the logarithms of the first natural frequencies and modal dampings:
+        how far the linear model is trusted. No column where it is taken to be exact.
+    shape_error : array
+        Share of a channel's root mean square that errors of the mode shapes may leave.
+    """
+
+    omega2: Float[Array, " kept"]
+    C: Float[Array, "*kept"]
+    joints: Float[Array, "joints modes"]
+    sensors: Float[Array, "sensors kept"]
+    left: Float[Array, " left"]
+    stiffness: Float[Array, " joints"]
+    by: Hold
+    dt: Array
+    uncertain: Float[Array, "2 modes"]
+    shape_error: Array
+    kinds: tuple[ForceKind, ...] = eqx.field(static=True)
+    quantity: Quantity = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
+
+    @property
+    def kept(self) -> int:
+        """Number of modes that move."""
+        return self.omega2.shape[0]
+
+    @property
+    def errors(self) -> int:
+        """Number of errors of the linear model that are fitted."""
+        return self.uncertain.size
+
+    def modes_at(self, z: Array | np.ndarray, xp: Any = np) -> tuple[Array, Array]:
+        """Squared frequencies and damping with errors of so many deviations, the first of z.
+
+        Parameters
+        ----------
+        z : (parameters,) array
+            As in :class:`Values`.
+        xp : module
+            ``jax.numpy`` within a kernel.
+        """
+        there = xp.exp(xp.asarray(self.uncertain) * z[: self.errors].reshape(2, -1))
+        exact = xp.ones((2, self.kept - there.shape[1]))
+        frequency, damping = xp.concatenate([there, exact], axis=1)
+        omega2, C, root = xp.asarray(self.omega2), xp.asarray(self.C), xp.sqrt(damping)
+        C = root[:, None] * C * root if C.ndim == 2 else C * damping
+        return omega2 * frequency**2, C
+
+    def with_errors(self, z: Float[Array, " parameters"]) -> "Predictor":
+        """The same with errors of the modes; shapes are as they are."""
+        if not self.errors:
+            return self
+        omega2, C = self.modes_at(z, jnp)
+        return eqx.tree_at(
+            lambda p: (p.omega2, p.C, p.by), self, (omega2, C, hold(omega2, C, self.dt, jnp))
+        )
+
+    def blank(self, slots: int = 1) -> Suspects:
+        """No suspects in so many slots."""
+        modes, sensors = self.joints.shape[1], self.sensors.shape[0]
+        row, force = np.zeros((slots, modes)), np.zeros((slots, len(self.kinds)))
+        chain, logarithmic = np.zeros((slots, 3, sensors)), np.zeros(slots)
+        return Suspects(*jax.device_put((row, force, chain, logarithmic)))
+
+    def pushed(
+        self, row: Float[Array, " modes"], force: Float[Array, " steps"]
+    ) -> Float[Array, "N substeps states"]:
+        """What a force at a place, known at the end of each step, does as a push of the data."""
+        now, last, before = force, jnp.roll(force, 1).at[0].set(0.0), jnp.roll(force, 2)
+        before = before.at[:2].set(0.0)
+        through = (last, 0.5 * (now - before), 0.5 * (now + before) - last)
+        kept, left = row[: self.kept], row[self.kept :]
+        q, v = (
+            sum(jnp.outer(c, on(b, kept)) for c, b in zip(through, each, strict=True))
+            for each in (self.by.q_by, self.by.v_by)
+        )
+        made = jnp.concatenate([q, v, jnp.outer(now, kept), jnp.outer(now, left)], axis=1)
+        return made.reshape(-1, self.substeps, made.shape[1])
+
+    def observation(self, rows: Array, late: Array) -> Array:
+        """What sensors see of modes, forces, and how far the last forces were off."""
+        Y, none = self.sensors, jnp.zeros_like(self.sensors)
+        of_forces = jnp.zeros((Y.shape[0], rows.shape[0]))
+        if self.quantity == "displacement":
+            of_modes = jnp.concatenate([Y, none], axis=1)
+        elif self.quantity == "velocity":
+            of_modes = jnp.concatenate([none, Y], axis=1)
+        else:
+            of_modes = jnp.concatenate([-Y * self.omega2, -on(self.C.T, Y.T).T], axis=1)
+            of_forces = Y @ rows.T
+        return jnp.concatenate([of_modes, of_forces, of_modes @ late], axis=1)
+
+    def linear(
+        self,
+        stiffness: np.ndarray,
+        suspects: Suspects,
+        sizes: np.ndarray,
+        z: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """State matrix and what the sensors see, about vanishing amplitude.
+
+        Parameters
+        ----------
+        stiffness : (joints,) array
+            Tangents of the joints.
+        suspects : Suspects
+            Of which those that are linear count.
+        sizes : (slots,) array
+            In their units.
+        z : (parameters,) array, optional
+            Whose errors the modes have; none without it.
+        """
+        r = self.kept
+        P = np.asarray(self.joints)[:, :r]
+        softer = stiffness - np.asarray(self.stiffness)
+        omega2, C = self.modes_at(np.zeros(self.errors) if z is None else z)
+        lower = np.hstack(
+            [
+                -np.diag(omega2)
+                - (P.T * softer) @ P
+                - self._of("stiffness_error", suspects, sizes),
+                -(C if C.ndim == 2 else np.diag(C)) - self._of("viscous_damping", suspects, sizes),
+            ]
+        )
+        lower = np.linalg.solve(self._inertia(suspects, sizes), lower)
+        A = np.vstack([np.hstack([np.zeros((r, r)), np.eye(r)]), lower])
+        Y = self._shown(suspects, sizes)
+        blank = np.zeros_like(Y)
+        seen = {
+            "displacement": np.hstack([Y, blank]),
+            "velocity": np.hstack([blank, Y]),
+            "acceleration": Y @ lower,
+        }[self.quantity]
+        return A, seen
+
+    def opposed(
+        self, row: np.ndarray, suspects: Suspects, sizes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What a force of 1 that opposes a place's deflection does to the state and the sensors.
+
+        Parameters
+        ----------
+        row : (modes,) array
+            The place's.
+        suspects, sizes
+            As for :meth:`linear`.
+
+        Returns
+        -------
+        (2 kept,), (sensors,) array
+            Rate of the state, and what the sensors see at once.
+        """
+        rate = -np.linalg.solve(self._inertia(suspects, sizes), row[: self.kept])
+        at_once = self._shown(suspects, sizes) @ rate * (self.quantity == "acceleration")
+        return np.concatenate([np.zeros(self.kept), rate]), at_once
+
+    def _of(self, name: str, suspects: Suspects, sizes: np.ndarray) -> np.ndarray:
+        """Modal matrix of the suspects of one linear kind."""
+        rows = np.asarray(suspects.row)[:, : self.kept]
+        force = np.asarray(suspects.force)
+        own = sum((force[:, i] for i, kind in enumerate(self.kinds) if kind.name == name), 0.0)
+        return (rows.T * (own * sizes)) @ rows
+
+    def _inertia(self, suspects: Suspects, sizes: np.ndarray) -> np.ndarray:
+        return np.eye(self.kept) + self._of("mass_error", suspects, sizes)
+
+    def _shown(self, suspects: Suspects, sizes: np.ndarray) -> np.ndarray:
+        """What the sensors see of the modes, their gains as they are."""
+        gains = 1.0 + np.einsum("s,sk->k", sizes, np.asarray(suspects.chain)[:, 0])
+        return np.asarray(self.sensors) * gains[:, None]
+
+
+def predictor(
+    structure: JointedStructure,
+    inputs: Array,
+    sensors: Array,
+    sampling_rate: float,
+    quantity: Quantity,
+    kinds: tuple[ForceKind, ...],
+    substeps: int,
+    trust: LinearTrust | None = None,
+) -> tuple[Predictor, ModalCoordinates]:
+    """The predictor of a structure, and the modes it is in.
+
+    Parameters
+    ----------
+    structure : JointedStructure
+        With its joints at their starting values.
+    inputs, sensors : (rows, n) array
+        Where forces act, and sensors are.
+    sampling_rate : float
+        Hz.
+    quantity : {"acceleration", "velocity", "displacement"}
+        What the sensors measure.
+    kinds : tuple of ForceKind
+        What may be missing.
+    substeps : int
+        Steps between samples.
+    trust : LinearTrust, optional
+        How exact the linear model is; exact where it is not said.
+    """
+    modal = modal_coordinates(structure, inputs, sensors, None)
+    omega2, C, Y = np.asarray(modal.omega2), np.asarray(modal.C), np.asarray(modal.Y)
+    kept = max(1, int(np.sum(omega2 < (2.0 * np.pi * _HIGHEST * sampling_rate) ** 2)))
+    part = (slice(kept),) * C.ndim
+    dt = 1.0 / (sampling_rate * substeps)
+    if trust is not None and np.max(np.abs(C[part])) * dt > 0.5 * MOST:
+        raise InputError(
+            "trust: a mode is damped too heavily for its error to be fitted "
+            f"({np.max(np.abs(C[part])):.3g} 1/s); leave trust out, or the damper to a joint"
+        )
+    # Sliced by NumPy: every operation of JAX outside a kernel is compiled for itself.
+    made = Predictor(
+        jax.device_put(omega2[:kept]),
+        jax.device_put(C[part]),
+        modal.P,
+        jax.device_put(Y[:, :kept]),
+        jax.device_put(1.0 / omega2[kept:]),
+        modal.stiffness,
+        jax.device_put(hold(omega2[:kept], C[part], dt)),
+        jax.device_put(np.asarray(dt)),
+        jax.device_put(_uncertain(trust, omega2[:kept], sampling_rate)),
+        jax.device_put(np.asarray(0.0 if trust is None else trust.shapes)),
+        kinds,
+        quantity,
+        substeps,
+    )
+    return made, modal
+
+
+def _uncertain(
+    trust: LinearTrust | None, omega2: Float[np.ndarray, " kept"], sampling_rate: float
+) -> np.ndarray:
+    """Deviations of the modes that are compared: what lies above shows nothing of itself."""
+    seen = int(np.sum(omega2 < (2.0 * np.pi * END * sampling_rate) ** 2))
+    if trust is None:
+        return np.zeros((2, 0))
+    return trust.deviations(omega2[:seen])

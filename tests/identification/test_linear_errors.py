@@ -1,0 +1,195 @@
+"""Errors of the linear model: what they predict, and that they are told from missing physics."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.linalg
+from linear_pair import (
+    RATE,
+    C,
+    M,
+    measured_force,
+    model,
+    problem,
+    simulated,
+    state_matrix,
+    stiffness_with_joint,
+)
+
+import iwanjax as ij
+from iwanjax.discrepancy import StudyRecording
+from iwanjax.discrepancy.histories.diagnose import diagnose_histories
+from iwanjax.discrepancy.histories.ranking import RankedFit
+from iwanjax.discrepancy.histories.refitted import beyond_trust, corrected_model, modes_refitted
+from iwanjax.dynamics.parabolic_hold import hold
+from iwanjax.identification.linearise import innovations, linearise
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
+from iwanjax.identification.predictor import predictor
+from iwanjax.identification.problem import HistoryProblem, Start
+from iwanjax.structures import LinearTrust
+
+PEAK, NOISE = 60.0, 1e-3
+TRUST = LinearTrust(frequencies=0.005, damping=0.2)
+OFF = np.array([0.006, -0.004]), np.array([0.25, -0.15])
+"""Errors of the two modes' frequencies and damping, as logarithms."""
+
+
+def moved(frequency: np.ndarray, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness without the joint, and damping, with errors of the modes; in plain NumPy."""
+    omega2, Phi = scipy.linalg.eigh(stiffness_with_joint(), M)
+    shapes, modal = M @ Phi, np.diag(Phi.T @ C @ Phi)
+    K = stiffness_with_joint() + (shapes * omega2 * np.expm1(2.0 * frequency)) @ shapes.T
+    return K, C + (shapes * modal * np.expm1(damping)) @ shapes.T
+
+
+def trusting(made: HistoryProblem, trust: LinearTrust = TRUST) -> HistoryProblem:
+    uncertain = jnp.asarray(trust.deviations(np.asarray(made.predictor.omega2)))
+    by = eqx.tree_at(lambda p: p.uncertain, made.predictor, uncertain)
+    return replace(made, predictor=by, compiled=set(), _process={})
+
+
+def recorded(K: np.ndarray, damping: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    y = simulated(PEAK, stiffness=K, damping=damping)
+    noise = NOISE * np.std(y, axis=0)
+    return y + noise * np.random.default_rng(seed).standard_normal(y.shape), noise
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_the_map_over_a_step_is_that_of_the_matrix_exponential(coupled):
+    """From slow modes to those of 4 radians a step, and a hundred times critical damping."""
+    omega2, dt = np.array([0.0, 1.0, 9e2, 1.5e5]), 1e-2
+    C = np.array([0.3, 0.0, 6000.0, 50.0])
+    C = np.diag(C) + np.diag([0.1, 0.2, 5.0], 1) + np.diag([0.1, 0.2, 5.0], -1) if coupled else C
+    got = hold(omega2, C, dt)
+    light = np.minimum(C, 600.0)
+    traced = jax.jit(lambda *x: hold(*x, dt, jnp))(omega2, light)
+    known = hold(omega2, light, dt)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-12), known, traced)
+    n, eye = len(omega2), np.eye(len(omega2))
+    damping = C if coupled else np.diag(C)
+    # States, then p_0, p_1 and twice p_2, each of which is the rate of the one before it.
+    F = np.zeros((5 * n, 5 * n))
+    F[:n, n : 2 * n], F[n : 2 * n, :n], F[n : 2 * n, n : 2 * n] = eye, -np.diag(omega2), -damping
+    F[n : 2 * n, 2 * n : 3 * n] = F[2 * n : 3 * n, 3 * n : 4 * n] = eye
+    F[3 * n : 4 * n, 4 * n :] = eye
+    E = scipy.linalg.expm(F * dt)
+    rows = (got.q, got.q_by), (got.v, got.v_by)
+    for i, (own, by) in enumerate(rows):
+        scale = (1.0, 1.0, 1.0, 1.0 / dt, 2.0 / dt**2)
+        for j, (each, factor) in enumerate(zip((*own, *by), scale, strict=True)):
+            block = factor * E[i * n : (i + 1) * n, j * n : (j + 1) * n]
+            np.testing.assert_allclose(each if coupled else np.diag(each), block, atol=1e-9)
+
+
+def test_errors_of_modes_predict_what_a_structure_with_them_does():
+    """To a few thousandths of a deviation each: what a force does within a step is as given."""
+    K, damping = moved(*OFF)
+    y = simulated(PEAK, stiffness=K, damping=damping)
+    made, _ = problem([y], [measured_force(PEAK)], NOISE * np.std(y, axis=0))
+    made = trusting(made)
+    z = np.concatenate([OFF[0] / 0.005, OFF[1] / 0.2, [0.0]])
+    left = innovations(made, made.nothing(), made.still(made.map.given(z)), np.inf)[0]
+    off = innovations(made, made.nothing(), made.still(made.map.given()), np.inf)[0]
+    assert np.std(left) < 2e-3 * np.std(off)
+    assert np.std(off) > 0.05 * np.std(y)
+
+
+def test_the_linear_system_has_the_errors_and_the_observer_does_not():
+    """Its gain is the same whatever the errors: it has no slopes along them."""
+    K, damping = moved(*OFF)
+    y, noise = recorded(K, damping)
+    made, _ = problem([y], [measured_force(PEAK)], noise, joint=False)
+    made = trusting(made)
+    z = made.map.given(np.concatenate([OFF[0] / 0.005, OFF[1] / 0.2]))
+    A, _ = made.system(made.empty(), z)
+    true = state_matrix(M, damping, K)
+    # The little damping that couples the modes goes with theirs; in the true one it stays.
+    np.testing.assert_allclose(
+        np.sort_complex(np.linalg.eigvals(A)), np.sort_complex(np.linalg.eigvals(true)), rtol=1e-6
+    )
+    gains = made.gains([made.empty()] * 2, np.stack([z, 0.0 * z]), SHORT_TIME_CONSTANT).gain
+    np.testing.assert_array_equal(gains[0], gains[1])
+
+
+def test_derivatives_are_those_of_finite_differences():
+    K, damping = moved(*OFF)
+    y, noise = recorded(K, damping)
+    made, _ = problem([y], [measured_force(PEAK)], noise)
+    made = trusting(made)
+    theta, step = made.still(made.map.given(np.full(5, 0.3))), 1e-5
+    (seen,) = linearise(made, [(made.nothing(), theta)], SHORT_TIME_CONSTANT)
+    for i in range(4):
+        ends = [theta + sign * step * np.eye(theta.shape[1])[i] for sign in (1.0, -1.0)]
+        high, low = (
+            linearise(made, [(made.nothing(), each)], SHORT_TIME_CONSTANT)[0].residual
+            for each in ends
+        )
+        slope = np.asarray(seen.slopes)[:, i]
+        np.testing.assert_allclose(
+            slope, (high - low) / (2.0 * step), atol=1e-5 * np.max(np.abs(slope))
+        )
+
+
+def test_a_fit_recovers_the_errors_and_the_corrected_model_has_them():
+    K, damping = moved(*OFF)
+    y, noise = recorded(K, damping)
+    made, _ = problem([y], [measured_force(PEAK)], noise, joint=False)
+    made = trusting(made)
+    start = Start(made.nothing(), made.map.given())
+    (fit,) = multistart(made, [start], SHORT_TIME_CONSTANT, 12)
+    (fit,) = multistart(made, [fit.start], np.inf, 12)
+    found = modes_refitted(made, fit, ["mode 1", "mode 2"])
+    for mode, *true in zip(found, *OFF, strict=True):
+        for each, value in zip(mode.parameters, true, strict=True):
+            assert abs(each.value - np.expm1(value)) < 4.0 * each.std + 1e-5
+            assert each.std < 0.1 * abs(value)
+    assert beyond_trust(made, fit, ["mode 1", "mode 2"]) == []
+    tight = trusting(made, LinearTrust(0.001, 0.2))
+    (fitted,) = multistart(tight, [Start(tight.nothing(), fit.start.theta)], np.inf, 12)
+    assert any(line.startswith("mode 1") for line in beyond_trust(tight, fitted, ["mode 1"]))
+
+    structure = model(joint=False)
+    _, modal = predictor(structure, jnp.eye(2), jnp.eye(2), RATE, "acceleration", (), 2)
+    corrected = corrected_model(structure, RankedFit(made, fit), {}, modal).structure
+    # Of the error, a hundredth is left: the noise's.
+    for got, given, true in (
+        (corrected.K, stiffness_with_joint(), K),
+        (corrected.C, C, damping),
+    ):
+        assert np.linalg.norm(got - true) < 0.05 * np.linalg.norm(given - true)
+
+
+@pytest.fixture(scope="module")
+def recordings() -> list[StudyRecording]:
+    K, damping = moved(*OFF)
+    return [
+        StudyRecording(f"hit {i}", recorded(K, damping, i)[0], measured_force(PEAK), use)
+        for i, use in enumerate(("fit", "fit", "hold_out"))
+    ]
+
+
+def diagnosed(recordings: list[StudyRecording], trust: LinearTrust | None) -> ij.Diagnosis:
+    axes = {"m1": np.eye(2)[0], "m2": np.eye(2)[1]}
+    return diagnose_histories(
+        model(joint=False),
+        recordings,
+        RATE,
+        rows=axes,
+        sensors=axes,
+        inputs=axes,
+        hypotheses=("stiffness_error", "viscous_damping", "cubic_stiffness"),
+        trust=trust,
+    )
+
+
+def test_errors_within_the_trust_are_not_missing_physics(recordings):
+    """Which they are where the model is taken to be exact."""
+    assert diagnosed(recordings, None).detected
+    found = diagnosed(recordings, TRUST)
+    assert found.verdict.name == "nothing_missing"
+    assert [each.name for each in found.modes] == ["mode 1", "mode 2"]
+    assert found.after.hold_out < 1.2 * found.noise_floor_95.hold_out
