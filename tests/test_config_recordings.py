@@ -145,8 +145,11 @@ def test_settings(study_file):
         "reference": "shift",
         "groups": {},
         "model_error": None,
+        "method": "optimistix",
     }
     assert study.fit.error is None
+    text = MODAL.replace("fit: {", "fit: {method: jaxopt, ")
+    assert read_study(study_file(text)).fit.method == "jaxopt"
     text = MODAL.replace("fit: {", "fit: {model_error: {frequency: 1e-4, damping: 0.02}, ")
     assert read_study(study_file(text)).fit.error == (1e-4, 0.02)
     assert study.posterior.model_dump() == {
@@ -169,6 +172,7 @@ def test_settings_that_are_not_given(study_file):
         "reference": None,
         "groups": {},
         "model_error": None,
+        "method": "optimistix",
     }
     assert study.posterior.model_dump() == {
         "effective": 1000,

@@ -6,6 +6,7 @@ from pydantic import AfterValidator, Field
 
 from iwanjax.config.faults import fault
 from iwanjax.config.section import ConfigSection, Count, Index
+from iwanjax.estimation.least_squares import Method
 
 
 def _even(count: int) -> int:
@@ -58,6 +59,8 @@ class FitSettings(ConfigSection):
         Joints that share their parameters, under a common name.
     model_error : ModelErrorSettings or None
         Error of the model to allow for; None leaves it to the curves.
+    method : {"optimistix", "jaxopt", "host"}
+        Who searches.
     """
 
     starts: Count = 64
@@ -65,6 +68,7 @@ class FitSettings(ConfigSection):
     reference: Literal["absolute", "shift"] | None = None
     groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
     model_error: ModelErrorSettings | None = None
+    method: Method = "optimistix"
 
     @property
     def error(self) -> tuple[float, float] | None:

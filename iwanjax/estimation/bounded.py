@@ -75,6 +75,7 @@ def bounded(
     Returns
     -------
     LeastSquaresSolution
+        With an infinite cost from a point without finite residuals.
 
     Raises
     ------
@@ -87,6 +88,17 @@ def bounded(
         raise InputError(
             f"bounded least squares: bounds of {len(chart.transforms)} parameters for "
             f"{len(problem.names)} values; expected bounds of all"
+        )
+    if not np.isfinite(_cost(problem, theta)):
+        # SciPy asks for a point to begin with that the residuals are known at.
+        return LeastSquaresSolution(
+            values=theta,
+            x=np.asarray(problem.to_variables(jnp.asarray(theta))),
+            cost=np.inf,
+            converged=False,
+            iterations=0,
+            method="jaxopt",
+            at_bounds=resting(problem, theta, settings),
         )
     with warnings.catch_warnings():
         # jaxopt is no longer maintained and says so on import; here because it takes most of

@@ -140,6 +140,7 @@ def _modal(study: StudySetup, mode: MeasuredMode) -> StudyFit:
             model_error=settings.error,
             starts=settings.starts,
             seed=settings.seed,
+            method=settings.method,
         )
     seconds = time.perf_counter() - start
     predictions = _predictions(solution, mode)
@@ -184,6 +185,7 @@ def _structure(study: StudySetup, modes: Sequence[MeasuredMode]) -> StudyFit:
         model_error=settings.error,
         starts=settings.starts,
         seed=settings.seed,
+        method=settings.method,
     )
     return StudyFit(study.name, tuple(modes), solution, None, (), time.perf_counter() - start)
 

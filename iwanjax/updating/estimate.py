@@ -12,7 +12,7 @@ from jaxtyping import Array
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.estimation.bounded import resting, within_bounds
-from iwanjax.estimation.least_squares import least_squares
+from iwanjax.estimation.least_squares import Method, least_squares
 from iwanjax.estimation.minima import Minimum
 from iwanjax.estimation.parameters import Parameter, drawn, fixed_at, replaced, with_values
 from iwanjax.estimation.problem import AbstractLeastSquares
@@ -52,6 +52,7 @@ def fit(
     model_error: tuple[float, float] | None = None,
     starts: int = 64,
     seed: int = 0,
+    method: Method = "optimistix",
 ) -> FitSolution:
     r"""Fit joint parameters to measured frequency and damping against amplitude.
 
@@ -62,7 +63,7 @@ def fit(
 
     by Levenberg-Marquardt (optimistix) from many starts in one batch; where a parameter
     comes close to one of two bounds, from there by a bounded least squares (jaxopt). The
-    priors only provide the starts.
+    priors only provide the starts. ``method`` gives the whole search to another solver.
 
     Parameters
     ----------
@@ -101,6 +102,10 @@ def fit(
         minimum.
     seed : int
         Of the draws.
+    method : {"optimistix", "jaxopt", "host"}
+        Who searches: Levenberg-Marquardt compiled with the residuals, all starts in one batch;
+        SciPy's trust regions within the parameters' bounds (jaxopt), one start after the other;
+        or the search that diagnoses use. They end at the same minimum.
 
     Returns
     -------
@@ -109,8 +114,8 @@ def fit(
     Raises
     ------
     InputError
-        For curves without deviations or with NaN, unknown parameters or joints, modes that
-        do not match, a mode whose damping beside the joints is fixed at zero.
+        For a method that there is not, curves without deviations or with NaN, unknown parameters
+        or joints, modes that do not match, a mode whose damping beside the joints is fixed at zero.
     PrecisionError
         When JAX computes in float32.
 
@@ -159,7 +164,7 @@ def fit(
             )
         row = fixed_at(replaced(tuple(modal_parameters(kind, several).values()), others), fixed)
         problem = modal_problem(kind, several, row, reference or "absolute")
-    return solve(problem, row, several, int(starts), int(seed), error)
+    return solve(problem, row, several, int(starts), int(seed), error, method)
 
 
 def solve(
@@ -169,6 +174,7 @@ def solve(
     starts: int,
     seed: int,
     model_error: ModelError | None = None,
+    method: Method = "optimistix",
 ) -> FitSolution:
     """Search a problem and say how sure its answer is."""
     random = np.random.default_rng(seed)
@@ -177,12 +183,12 @@ def solve(
     with ThreadPoolExecutor(1) as other:
         # The compiler leaves the second core to this, which is wanted right after.
         other.submit(point, problem, jnp.asarray(draws[0]))
-        found = least_squares(searched, jnp.asarray(draws), min(starts, _RUNS))
+        found = least_squares(searched, jnp.asarray(draws), min(starts, _RUNS), method=method)
     best = min(found, key=lambda each: each.cost)
     further = problem.restarts(best.values, starts)
     if further is not None:
         # As many again: one compiled search serves both.
-        found += least_squares(searched, jnp.asarray(further), min(starts, _RUNS))
+        found += least_squares(searched, jnp.asarray(further), min(starts, _RUNS), method=method)
         best = min(found, key=lambda each: each.cost)
     if not np.isfinite(best.cost):
         raise InputError(

@@ -155,3 +155,12 @@ def test_an_unknown_method_is_refused():
     asked, draws = bounded_problem((3.0, 0.3, -0.05))
     with pytest.raises(InputError, match="expected 'optimistix', 'jaxopt' or 'host'"):
         least_squares(asked, draws, 1, method="newton")  # type: ignore[arg-type]
+
+
+def test_a_start_without_residuals_costs_a_bounded_search_nothing_but_itself():
+    asked, draws = bounded_problem((3.0, 0.3, -0.05))
+    nowhere = draws[:2].at[0, 0].set(jnp.nan)
+    lost, found = least_squares(asked, nowhere, 2, method="jaxopt")
+    assert lost.cost == np.inf
+    assert not lost.converged
+    assert found.converged

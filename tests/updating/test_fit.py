@@ -524,3 +524,18 @@ def test_the_notebooks_table_names_every_parameter_and_what_follows():
     found = solution()
     shown = found._repr_html_()
     assert all(f">{name}</td>" in shown for name in (*found.values, *found.derived))
+
+
+def test_whoever_searches_ends_at_the_same_minimum():
+    curves = noisy(0)
+    found = {
+        method: fit("jenkins", curves, starts=2, method=method)
+        for method in ("optimistix", "jaxopt", "host")
+    }
+    for each in found.values():
+        assert each.misfit == pytest.approx(found["optimistix"].misfit, rel=1e-6)
+        for name, value in found["optimistix"].values.items():
+            # A hundredth of a deviation adds 5e-5 to it: nothing beside what the data leave open.
+            assert abs(each.values[name] - value) <= 1e-2 * each.std[name]
+    with pytest.raises(InputError, match="expected 'optimistix', 'jaxopt' or 'host'"):
+        fit("jenkins", curves, starts=2, method="newton")  # type: ignore[arg-type]
