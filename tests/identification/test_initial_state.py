@@ -93,7 +93,7 @@ def test_other_excitations_from_rest():
 
 
 def test_recorded_hits_of_the_repository_begin_at_rest():
-    folder = Path(__file__).resolve().parents[3] / "configs" / "concealed_spring"
+    folder = Path(__file__).resolve().parents[2] / "configs" / "concealed_spring"
     files = sorted(folder.glob("hit*.npz"))
     assert files
     for file in files:

@@ -11,7 +11,7 @@ from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.settings.judgement import JudgementSettings
 from iwanjax.settings.stages import Settings, settings, using
 
-PACKAGE = Path(iwanjax.__file__).parent / "discrepancy"
+PACKAGE = Path(iwanjax.__file__).parent
 
 
 def numbers(stage):
@@ -22,11 +22,12 @@ def numbers(stage):
 
 
 def attributes_read():
-    """Names of attributes that the room's modules read, but for the settings' own."""
+    """Names of attributes that the rooms that diagnose read, but for the settings' own."""
+    rooms = ("discrepancy", "identification", "effects")
     return {
         node.attr
-        for path in PACKAGE.rglob("*.py")
-        if path.name != "settings.py"
+        for room in rooms
+        for path in (PACKAGE / room).rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)
     }
