@@ -340,6 +340,15 @@ def test_fixing_a_parameter_is_one_argument():
     assert named.determined.keys() == set(NAMES) - {"beta"}
 
 
+def test_a_fixed_damping_leaves_the_search_its_own_variables():
+    """Levels far into macroslip: in F_S and K_T themselves the starts all end 17 deviations off."""
+    far = noisy(0, TRUTH, 0.02, 30.0)
+    found = fit("iwan4", far, fixed={"zeta_0": TRUTH.zeta_0}, starts=16)
+    assert found.values["zeta_0"] == TRUTH.zeta_0
+    assert found.misfit < 1.2
+    assert max(abs(z) for z in deviations(found).values()) < SIGMAS
+
+
 @pytest.mark.parametrize(
     ("fixed", "told"),
     [
