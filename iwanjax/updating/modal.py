@@ -69,7 +69,8 @@ class ModalProblem(AbstractProblem):
         .. math:: \omega^2 = \omega_0^2 - s\,[K_T - k_1(q)], \qquad
                   \zeta = s\,\frac{D(q)}{2\pi\omega^2q^2} + \zeta_0
 
-        so that a search has only the shape of the joint's law left to find.
+        so that a search has only the shape of the joint's law left to find. f_0 and zeta_0 keep
+        the values that they are fixed at; with a fixed force nothing is moved.
         """
         infos = {info.name: info for info in self.kind.parameters}
         free = np.isin(np.arange(len(self.names)), self.chart.free)
@@ -206,7 +207,7 @@ class ModalIwanProblem(ModalProblem):
 
         That lies at (1 + theta)/2 of phi_max or of the largest amplitude, whichever is less. The
         gaps between measured amplitudes in which it may lie are valleys of their own, which an
-        estimate does not leave when it moves theta alone.
+        estimate does not leave when it moves theta alone. None where theta is fixed.
         """
         if "theta" not in self.names or self.names.index("theta") not in self.chart.free:
             return None
