@@ -69,14 +69,15 @@ class ModalProblem(AbstractProblem):
         .. math:: \omega^2 = \omega_0^2 - s\,[K_T - k_1(q)], \qquad
                   \zeta = s\,\frac{D(q)}{2\pi\omega^2q^2} + \zeta_0
 
-        so that a search has only the shape of the joint's law left to find.
+        so that a search has only the shape of the joint's law left to find. f_0 and zeta_0 keep
+        the values that they are fixed at; with a fixed force nothing is moved.
         """
         infos = {info.name: info for info in self.kind.parameters}
+        free = np.isin(np.arange(len(self.names)), self.chart.free)
         forces = np.array(
             [name in infos and "force" in infos[name].dimension for name in self.names]
         )
-        moved = forces | (np.arange(forces.size) < 2)
-        if not set(np.flatnonzero(moved)) <= set(self.chart.free):
+        if not np.all(free[forces]):
             return theta
         measured = self.measured
         joint = self.model(theta).joint
@@ -95,16 +96,20 @@ class ModalProblem(AbstractProblem):
             jnp.concatenate([-weight_f * yielded, weight_z * lost]),
             jnp.concatenate([zero, weight_z]),
         ]
-        sizes = jnp.stack([jnp.linalg.norm(column) for column in columns])
-        A = jnp.stack(columns) / sizes[:, None]
+        x = [(2.0 * math.pi * theta[0]) ** 2 / scale, jnp.ones(()), theta[1]]
+        sought = [i for i, moves in enumerate((free[0], True, free[1])) if moves]
         b = jnp.concatenate([weight_f * omega**2, weight_z * measured.damping])
-        normal, moment = A @ A.T, A @ b
-        rows = [[normal[i, j] for j in range(3)] for i in range(3)]
-        x = jnp.stack(solve_spd(rows, [moment[i] for i in range(3)])) / sizes
+        b = b - sum(columns[i] * x[i] for i in range(3) if i not in sought)
+        sizes = [jnp.linalg.norm(columns[i]) for i in sought]
+        A = [columns[i] / size for i, size in zip(sought, sizes, strict=True)]
+        found = solve_spd([[row @ other for other in A] for row in A], [row @ b for row in A])
+        for i, value, size in zip(sought, found, sizes, strict=True):
+            x[i] = value / size
         strength = jnp.clip(x[1], 1e-3, 1e3)
         f_0 = jnp.sqrt(jnp.maximum(x[0] * scale, 0.25 * scale)) / (2.0 * math.pi)
         better = jnp.where(forces, theta * strength, theta).at[0].set(f_0).at[1].set(x[2])
-        return jnp.clip(better, self.chart.lower, self.chart.upper)
+        # What is fixed stays to the last digit, whatever its bounds.
+        return jnp.where(free, jnp.clip(better, self.chart.lower, self.chart.upper), theta)
 
     def iwan_places(self, theta: Float[Array, " parameters"]) -> tuple[IwanPlace, ...]:
         """The mode's joint, up to the largest amplitude."""
@@ -202,9 +207,9 @@ class ModalIwanProblem(ModalProblem):
 
         That lies at (1 + theta)/2 of phi_max or of the largest amplitude, whichever is less. The
         gaps between measured amplitudes in which it may lie are valleys of their own, which an
-        estimate does not leave when it moves theta alone.
+        estimate does not leave when it moves theta alone. None where theta is fixed.
         """
-        if "theta" not in self.names:
+        if "theta" not in self.names or self.names.index("theta") not in self.chart.free:
             return None
         at, kinks = self.names.index("theta"), -(-count // _THETAS)
         z = self.to_variables(jnp.asarray(theta))
@@ -237,7 +242,7 @@ def modal_problem(
     check_free(parameters, measured)
     chart = Chart(parameters)
     strength = [p for p in parameters if p.name in ("F_S", "K_T")]
-    unbounded = all(p.lower == 0.0 and p.upper == math.inf for p in strength)
+    unbounded = all(p.lower == 0.0 and p.upper == math.inf and not p.fixed for p in strength)
     common = {
         "measured": measured,
         "chart": chart,
@@ -245,7 +250,7 @@ def modal_problem(
         "names": tuple(p.name for p in parameters),
         "reference": reference,
     }
-    if issubclass(kind, AbstractIwan) and unbounded and len(chart.free) == len(parameters):
+    if issubclass(kind, AbstractIwan) and unbounded:
         # Another variable than the parameter stands behind these two, but always positive.
         return ModalIwanProblem(**common, q_ref=jnp.exp(jnp.mean(jnp.log(measured.q))))
     return ModalProblem(**common)

@@ -14,7 +14,9 @@ from updating.simulated import FREQUENCY_STD, LEVELS, NAMES, TRUTH, Oscillator, 
 import iwanjax as ij
 from iwanjax.errors import InputError
 from iwanjax.estimation import Normal
+from iwanjax.estimation.parameters import fixed_at
 from iwanjax.updating import fit, modal_parameters
+from iwanjax.updating.modal import modal_problem
 
 # Chance alone fails one of these in 16000 parameters, and chi^2's limits once in 10^4.
 SIGMAS, RARE = 4.0, 1e-4
@@ -338,6 +340,33 @@ def test_fixing_a_parameter_is_one_argument():
     named = fit("iwan4", noisy(0), {"beta": start}, fixed=["beta"], starts=16)
     assert named.values["beta"] == TRUTH.beta
     assert named.determined.keys() == set(NAMES) - {"beta"}
+
+
+def test_a_fixed_damping_leaves_the_search_its_own_variables():
+    """Levels far into macroslip: in F_S and K_T themselves the starts all end 17 deviations off."""
+    far = noisy(0, TRUTH, 0.02, 30.0)
+    found = fit("iwan4", far, fixed={"zeta_0": TRUTH.zeta_0}, starts=16)
+    assert found.values["zeta_0"] == TRUTH.zeta_0
+    assert found.misfit < 1.2
+    assert max(abs(z) for z in deviations(found).values()) < SIGMAS
+
+
+def test_variables_of_microslip_carry_what_is_fixed():
+    """Of a five-parameter joint with a known theta, whose kink then needs no further starts."""
+    known = tuple(modal_parameters(ij.Iwan5, noisy(0)).values())
+    row = fixed_at(known, {"theta": 0.5, "zeta_0": TRUTH.zeta_0})
+    problem = modal_problem(ij.Iwan5, [noisy(0)], row, "absolute")
+    theta = np.array([p.value for p in row])
+    z = problem.to_variables(jnp.asarray(theta))
+    assert z.size == theta.size - 2
+    np.testing.assert_allclose(problem.to_values(z), theta, rtol=1e-12)
+    assert problem.restarts(theta, 8) is None
+    better = np.asarray(problem.improved(jnp.asarray(theta)))
+    held = [row.index(p) for p in row if p.fixed]
+    assert np.array_equal(better[held], theta[held])
+    assert np.sum(np.square(problem.residuals(better))) < np.sum(
+        np.square(problem.residuals(jnp.asarray(theta)))
+    )
 
 
 @pytest.mark.parametrize(
