@@ -290,6 +290,23 @@ def moved(problem: HistoryProblem, fitted: HypothesisFit, change: np.ndarray) ->
     return _fitted(problem, fitted.hypothesis, descent.solution(), fitted.time_constant)
 
 
+def renewed(problem: HistoryProblem, fitted: HypothesisFit) -> HypothesisFit:
+    """A fit with derivatives worked out where it ended.
+
+    A search corrects its own by the steps it takes (Broyden's update). That does for the way, not
+    for a covariance: where data say next to nothing of some values together, what is left of a
+    correction looks like information, or like recordings that pull against each other.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        That it was fitted with.
+    fitted : HypothesisFit
+        Where the search ended.
+    """
+    return moved(problem, fitted, np.zeros(problem.parameters))
+
+
 def with_states_of_decays(
     problem: HistoryProblem, hypothesis: Hypothesis, rows: np.ndarray, decays: np.ndarray
 ) -> np.ndarray:

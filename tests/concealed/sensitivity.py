@@ -4,7 +4,7 @@
 `python tests/concealed/sensitivity.py table OUT.json`
 
 FOLDER holds concealed cases as for `frozen.py`; STAGE is the beginning of a field's path (`steady`,
-`judgement`, `histories.selection`, `histories.steps.turn`). All values are tried in one process
+`judgement`, `histories.selection`, `histories.steps.same`). All values are tried in one process
 (`tests/sensitivity_worker.py`, which imports the package), so that compiled kernels stay. OUT.json
 is written after every case, and what it holds is not tried again: a run may be stopped and gone on
 with. The table has a row for each number: cases right with it halved, as it is and doubled; the

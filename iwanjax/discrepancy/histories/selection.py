@@ -49,6 +49,7 @@ from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
     multistart,
+    renewed,
 )
 from iwanjax.identification.problem import HistoryProblem, Start, Variant
 
@@ -177,6 +178,9 @@ def concluded(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> M
     entries = [e for e in entries if determined(e.problem, e.fitted) or not e.fitted.converged]
     close = finalists(base, entries) if table.detected and entries else []
     base, close = _polished(base, close, entries, memories, scope)
+    if scope.in_time():
+        ended = [replace(e, fitted=renewed(e.problem, e.fitted)) for e in (base, *close)]
+        base, close = ended[0], ended[1:]
     known = {e.fitted.hypothesis.variant for e in close}
     if len(sure := _determined(close)) < len(close):
         base, close = ranked(base, sure)
