@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from iwanjax.effects.estimate import Estimate
-from iwanjax.effects.kinds import ForceKind, JointKind, SensorKind
+from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.identification.joint_priors import joints_of, of_logarithm
 from iwanjax.identification.likelihood import covariance
 from iwanjax.identification.multistart import HypothesisFit
@@ -32,12 +32,9 @@ def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tupl
         return _of_joint(problem, fitted, kind, deviation)
     value, shape = hypothesis.physical(theta, at, slot)
     spread = abs(value) if hypothesis.logarithmic(slot) else hypothesis.scales[slot]
-    of_shape = shape * deviation(at.shape(slot))
-    if isinstance(kind, SensorKind) and kind.acts == "limit":
-        return (Estimate(kind.size, shape, of_shape),)
     found = (Estimate(kind.size, value, spread * deviation(at.size(slot))),)
     if isinstance(kind, ForceKind) and kind.shape is not None:
-        found += (Estimate(kind.shape, shape, of_shape),)
+        found += (Estimate(kind.shape, shape, shape * deviation(at.shape(slot))),)
     return found
 
 
@@ -84,7 +81,7 @@ def _determined(
     precision = np.linalg.pinv(known[np.ix_(places, places)])[0, 0]
     deviation = 1.0 / math.sqrt(max(float(precision), 1e-300))
     logarithmic = at not in own or hypothesis.logarithmic(slot)
-    # A logarithm is known by so many deviations of the size itself, which the limit of a sensor is.
+    # A logarithm is known by so many deviations of the size itself.
     size = 1.0 if logarithmic else abs(float(fitted.theta.mean(axis=0)[at]))
     return bool(size > settings().judgement.sure * deviation)
 

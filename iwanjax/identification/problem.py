@@ -59,6 +59,10 @@ class Hypothesis:
         """Whether a slot's size is the exponential of its value in theta."""
         return bool(np.asarray(self.suspects.logarithmic)[slot] > 0)
 
+    def toward_none(self, slot: int) -> float:
+        """Sign of the change of a size's logarithm that leaves less of its suspect."""
+        return 1.0 if getattr(self.kinds[slot], "none_at_infinity", False) else -1.0
+
     def physical(self, theta: np.ndarray, at: ParameterMap, slot: int) -> tuple[float, float]:
         """Size and shape of a slot, of which the latter counts where the kind has one."""
         size, shape = (min(float(each), _LARGEST) for each in theta[at.slot(slot)])
@@ -288,9 +292,8 @@ def _neighbours(
     ]
     for member, own in enumerate(suspects):
         sizes = [problem.map.size(slot) for slot in range(own.row.shape[0])]
-        active = np.any(np.asarray(own.force) != 0, axis=1) | np.any(
-            np.asarray(own.chain)[:, 0] != 0, axis=1
-        )
+        scaled = np.asarray(own.chain)[:, [fault.scales for fault in problem.predictor.faults]]
+        active = np.any(np.asarray(own.force) != 0, axis=1) | np.any(scaled != 0, axis=(1, 2))
         for value in [*stiff, *(i for i, on in zip(sizes, active, strict=True) if on)]:
             beside = theta[member].copy()
             beside[value] += DIFFERENCE

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.effects.kinds import JointKind, Kind, SensorKind
+from iwanjax.effects.catalogue import sensor_faults_of
+from iwanjax.effects.kinds import JointKind, Kind
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import (
     UnitEffect,
@@ -217,16 +218,13 @@ def _limits(
 ) -> list[tuple[Start, float]]:
     """Drops of faults that are tried as they are, beside the others: limits and wrong signs."""
     largest = np.max(np.abs(np.asarray(problem.data.response)), axis=(0, 1))
-    starts = []
-    for kind in kinds:
-        if not isinstance(kind, SensorKind):
-            continue
-        for i, label in enumerate(sensors):
-            if kind.acts == "limit":
-                limit = problem.settings.selection.cut * float(largest[i])
-                starts.append(hypotheses.sensor(problem, kind, i, label, z, limit))
-            elif kind.fixed is not None:
-                starts.append(hypotheses.sensor(problem, kind, i, label, z, 0.0))
+    largest *= problem.settings.selection.cut
+    starts = [
+        hypotheses.sensor(problem, kind, i, label, z, size)
+        for kind in sensor_faults_of(kinds)
+        for i, label in enumerate(sensors)
+        for size in kind.tried(float(largest[i]))
+    ]
     if not starts:
         return []
     states = base.theta[:, base.values :]
