@@ -4,7 +4,14 @@ import difflib
 from collections.abc import Iterable
 from functools import cache
 
-from iwanjax.effects import sensor_delay, sensor_gain, sensor_saturation
+from iwanjax.effects import (
+    force_delay,
+    force_gain,
+    force_saturation,
+    sensor_delay,
+    sensor_gain,
+    sensor_saturation,
+)
 from iwanjax.effects.faults import AbstractFault, AbstractSensorFault
 from iwanjax.effects.joint_faults import JOINT_FAULTS
 from iwanjax.effects.kinds import ForceKind, Kind, force_laws
@@ -17,8 +24,12 @@ FAULTS: tuple[AbstractFault, ...] = (
     sensor_delay.DELAY,
     sensor_saturation.SATURATION,
     sensor_gain.POLARITY,
+    force_gain.GAIN,
+    force_delay.DELAY,
+    force_saturation.SATURATION,
+    force_gain.POLARITY,
 )
-"""Faults of channels; those of a sensor act one after the other in this order."""
+"""Faults of channels; those of one channel act one after the other in this order."""
 
 
 def sensor_faults_of(kinds: Iterable[Kind]) -> tuple[AbstractSensorFault, ...]:

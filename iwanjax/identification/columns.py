@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.effects.catalogue import sensor_faults_of
-from iwanjax.effects.faults import AbstractSensorFault
+from iwanjax.effects.faults import AbstractFault, AbstractForceFault, AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.identification import hypotheses
+from iwanjax.identification.conditioning import at_ends
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.kernels import Small, responses, unit_forces
 from iwanjax.identification.linearise import innovations
@@ -20,7 +21,7 @@ from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.observer import stepped
 from iwanjax.identification.places import Place
 from iwanjax.identification.predictor import Data, Predictor, Suspects
-from iwanjax.identification.problem import HistoryProblem, Start
+from iwanjax.identification.problem import DIFFERENCE, HistoryProblem, Start
 from iwanjax.signals.comparison_band import passed
 from iwanjax.threads import available_threads
 
@@ -45,7 +46,7 @@ class UnitEffect(NamedTuple):
         Sizes of the sensors' faults.
     """
 
-    kind: ForceKind | AbstractSensorFault
+    kind: ForceKind | AbstractFault
     where: str
     sized: Callable[[float], Start]
     row: np.ndarray
@@ -99,7 +100,8 @@ def _about(
     """What kernels that linearise about a fit take before and after what they are about."""
     suspects, mean = base.hypothesis.suspects, base.theta.mean(axis=0)[: base.values]
     gain = problem.gains([suspects], mean[None], base.time_constant, slopes=False).gain[0]
-    at = (*jax.device_put((base.theta, gain)), problem.data)
+    data = problem.data_with(base.hypothesis, base.theta)
+    at = (*jax.device_put((base.theta, gain)), data)
     return (problem.predictor, problem.joints, suspects), at
 
 
@@ -161,6 +163,37 @@ def sensor_faults(
             effects.append(
                 UnitEffect(kind, label, partial(begun, kind, i, label), row, still, fault)
             )
+    return effects
+
+
+def force_faults(
+    problem: HistoryProblem, kinds: Sequence[Kind], inputs: Sequence[str], z: np.ndarray
+) -> list[UnitEffect]:
+    """Faults of every measured force: what force acts more, for each unit of the size at zero."""
+    if problem.forces is None:
+        return []
+    measured, rows = problem.forces.clean, problem.forces.rows
+    blank = np.zeros((len(problem.predictor.faults), len(problem.noise)))
+
+    def begun(kind: AbstractForceFault, i: int, label: str, size: float) -> Start:
+        begin = float(np.clip(size, -kind.most, kind.most))
+        return hypotheses.channel(problem, kind, i, label, z, begin)
+
+    effects = []
+    for kind in kinds:
+        if not isinstance(kind, AbstractForceFault) or kind.fixed is not None:
+            continue
+        for i, label in enumerate(inputs):
+            ends = (
+                np.stack([kind.acted(force, size) for force in measured[..., i]])
+                for size in (DIFFERENCE, -DIFFERENCE)
+            )
+            more = np.subtract(*ends) / (2.0 * DIFFERENCE)
+            opposes = -at_ends(more, problem.predictor.substeps)
+            # One that never acts, or is not cut anywhere, shows no fault.
+            if np.any(opposes):
+                own = partial(begun, kind, i, label)
+                effects.append(UnitEffect(kind, label, own, rows[:, i], opposes, blank))
     return effects
 
 

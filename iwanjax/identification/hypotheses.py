@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iwanjax.effects.faults import AbstractFault, AbstractSensorFault
+from iwanjax.effects.faults import AbstractFault, AbstractForceFault, AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.identification.joint_priors import Joint, located
 from iwanjax.identification.places import Place
@@ -68,6 +68,19 @@ def sensor(
     return _fault(problem, kind, label, z, size, one)
 
 
+def channel(
+    problem: HistoryProblem,
+    kind: AbstractForceFault,
+    which: int,
+    label: str,
+    z: np.ndarray,
+    size: float,
+) -> Start:
+    """A fault of the channel of a measured force, with a size in its unit."""
+    start = _fault(problem, kind, label, z, size, np.zeros(problem.empty().chain.shape))
+    return start._replace(hypothesis=replace(start.hypothesis, inputs=(which,)))
+
+
 def _fault(
     problem: HistoryProblem,
     kind: AbstractFault,
@@ -110,6 +123,7 @@ def joined(problem: HistoryProblem, starts: Sequence[Start]) -> Start:
             tuple(x for h in hypotheses for x in h.shapes),
             drifting[0] if drifting else None,
             tuple(x for h in hypotheses for x in h.scales),
+            tuple(x for h in hypotheses for x in h.inputs),
         ),
         np.concatenate([first.common[:p], *(start.common[p:] for start in starts)]),
     )
@@ -129,6 +143,7 @@ def alone(problem: HistoryProblem, start: Start, slot: int) -> Start:
             h.shapes[part],
             h.drifting if drifts else None,
             h.scales[part],
+            h.inputs[part],
         ),
         np.concatenate([start.common[:p], start.common[problem.map.slot(slot)]]),
     )

@@ -10,7 +10,9 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from iwanjax.effects.faults import AbstractForceFault
 from iwanjax.effects.kinds import Kind
+from iwanjax.identification.conditioning import MeasuredForces
 from iwanjax.identification.joint_priors import Joint, parameters_of, tangents
 from iwanjax.identification.observer import observer_gain, process_noise, stepped
 from iwanjax.identification.parameter_map import ParameterMap
@@ -45,6 +47,8 @@ class Hypothesis:
         Joint whose strength changes between recordings.
     scales : tuple of float
         Units of the slots' sizes.
+    inputs : tuple of int
+        Of each slot the input whose force is faulty; -1 without such a fault.
     """
 
     kinds: tuple[Kind, ...]
@@ -54,6 +58,12 @@ class Hypothesis:
     shapes: tuple[bool, ...] = (False,)
     drifting: int | None = None
     scales: tuple[float, ...] = (1.0,)
+    inputs: tuple[int, ...] = (-1,)
+
+    @property
+    def of_forces(self) -> list[int]:
+        """Slots with a fault of a measured force."""
+        return [slot for slot, which in enumerate(self.inputs) if which >= 0]
 
     def logarithmic(self, slot: int) -> bool:
         """Whether a slot's size is the exponential of its value in theta."""
@@ -124,6 +134,8 @@ class HistoryProblem:
         Places of the recordings in the study, by which a joint's drift is told.
     settings : HistorySettings
         Tuned numbers of all stages.
+    forces : MeasuredForces, optional
+        That act in the data; without them none can be faulty.
     compiled : set of (str, int, int)
         Kernels that there are already, for how many slots and samples.
     """
@@ -134,6 +146,7 @@ class HistoryProblem:
     noise: np.ndarray
     order: tuple[int, ...]
     settings: HistorySettings = field(default=HISTORIES, repr=False)
+    forces: MeasuredForces | None = field(default=None, repr=False)
     compiled: set[tuple[str, int, int]] = field(default_factory=set, repr=False)
     _process: dict[float, float] = field(default_factory=dict, repr=False)
 
@@ -170,12 +183,50 @@ class HistoryProblem:
             other.predictor,
             (self.predictor.joints, self.predictor.stiffness),
         )
-        return replace(self, predictor=predictor, data=other.data, compiled=set(), _process={})
+        return replace(
+            self,
+            predictor=predictor,
+            data=other.data,
+            forces=other.forces,
+            compiled=set(),
+            _process={},
+        )
+
+    def data_with(self, hypothesis: Hypothesis, theta: np.ndarray) -> Data:
+        """The data with the forces that acted, where a hypothesis has faults of their channels.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            What is missing.
+        theta : (recordings, values) array
+            Sizes of faults are the same in all recordings.
+        """
+        if not hypothesis.of_forces:
+            return self.data
+        assert self.forces is not None
+        dt = float(self.predictor.dt) * self.predictor.substeps
+        acted = self.forces.clean.copy()
+        for slot in hypothesis.of_forces:
+            fault, which = hypothesis.kinds[slot], hypothesis.inputs[slot]
+            assert isinstance(fault, AbstractForceFault)
+            size = hypothesis.physical(theta.mean(axis=0), self.map, slot)[0] / fault.unit(dt)
+            for force in acted:
+                force[:, which] = fault.acted(force[:, which], size)
+        more = self.forces.pushed(self.predictor, acted - self.forces.clean)
+        return self.data._replace(push=jax.device_put(np.asarray(self.data.push) + more))
 
     def nothing(self, slots: int = 1) -> Hypothesis:
         """The model as it is."""
         return Hypothesis(
-            (), (), self.empty(slots), (False,) * slots, (False,) * slots, None, (1.0,) * slots
+            (),
+            (),
+            self.empty(slots),
+            (False,) * slots,
+            (False,) * slots,
+            None,
+            (1.0,) * slots,
+            (-1,) * slots,
         )
 
     def empty(self, slots: int = 1) -> Suspects:

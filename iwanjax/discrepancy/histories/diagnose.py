@@ -150,6 +150,7 @@ def diagnose_histories(
         tuple(structure.labels),
         lambda: time.perf_counter() - started < budget,
         progress,
+        tuple(inputs),
     )
     table = selection.run(now.problem, scope, seed)
     failures: list[str] = []

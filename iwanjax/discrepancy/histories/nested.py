@@ -18,7 +18,7 @@ from iwanjax.discrepancy.histories.ranking import (
     refitted,
     tolerance_of,
 )
-from iwanjax.effects.faults import AbstractSensorFault
+from iwanjax.effects.faults import AbstractForceFault, AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.effects.nested import Nested
 from iwanjax.identification import hypotheses
@@ -114,6 +114,8 @@ def _starts(
     if isinstance(limit, AbstractSensorFault):
         which = scope.sensors.index(where)
         return [hypotheses.sensor(own, limit, which, where, z, 0.0)]
+    if isinstance(limit, AbstractForceFault):
+        return [hypotheses.channel(own, limit, scope.inputs.index(where), where, z, 0.0)]
     if isinstance(limit, ForceKind):
         row = next(place.row for place in scope.places if place.label == where)
         found = nested.narrowed(_values(entry, slot))
