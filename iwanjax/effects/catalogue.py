@@ -9,7 +9,10 @@ from iwanjax.effects import (
     force_gain,
     force_saturation,
     sensor_delay,
+    sensor_drift,
     sensor_gain,
+    sensor_high_pass,
+    sensor_hum,
     sensor_saturation,
 )
 from iwanjax.effects.faults import AbstractFault, AbstractSensorFault
@@ -22,12 +25,15 @@ from iwanjax.joints.force_law import AbstractForceLaw, EffectName
 FAULTS: tuple[AbstractFault, ...] = (
     sensor_gain.GAIN,
     sensor_delay.DELAY,
+    sensor_high_pass.HIGH_PASS,
     sensor_saturation.SATURATION,
     sensor_gain.POLARITY,
     force_gain.GAIN,
     force_delay.DELAY,
     force_saturation.SATURATION,
     force_gain.POLARITY,
+    sensor_hum.HUM,
+    sensor_drift.DRIFT,
 )
 """Faults of channels; those of one channel act one after the other in this order."""
 

@@ -3,7 +3,7 @@
 import abc
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -119,3 +119,41 @@ class AbstractForceFault(AbstractFault):
         size : float
             In its unit, see :meth:`unit`.
         """
+
+
+class AbstractAddedFault(AbstractFault):
+    """Something in the channel of a sensor that is added to what it shows, whatever it shows.
+
+    Its columns, each of any size in each recording, are taken out of the residuals.
+
+    Attributes
+    ----------
+    over_rms : float
+        The reported size over the root mean square of what is added.
+    told : ParameterInfo, optional
+        A value that the columns depend on, and that is fitted.
+    """
+
+    over_rms: ClassVar[float] = 1.0
+    told: ClassVar[ParameterInfo | None] = None
+
+    def tuned(self, left: Float[np.ndarray, "recordings N"], dt: float) -> "Self | None":
+        """The fault that what is left of a sensor's data asks for; None for none."""
+        return self
+
+    @property
+    @abc.abstractmethod
+    def count(self) -> int:
+        """Number of columns."""
+
+    @abc.abstractmethod
+    def columns(self, count: int, dt: float) -> Float[np.ndarray, "N columns"]:
+        """What may be added at so many samples, dt apart."""
+
+    def moved(self, by: float, span: float) -> Self:
+        """With another value of ``told``, by a number of its unit in recordings of span, s."""
+        return self
+
+    def value(self, span: float) -> tuple[float, float]:
+        """What is told, and its unit."""
+        return math.nan, math.nan

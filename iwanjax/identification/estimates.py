@@ -7,7 +7,9 @@ import jax
 import numpy as np
 
 from iwanjax.effects.estimate import Estimate
+from iwanjax.effects.faults import AbstractAddedFault
 from iwanjax.effects.kinds import ForceKind, JointKind
+from iwanjax.identification.added import moved, size_of_added, span
 from iwanjax.identification.joint_priors import joints_of, of_logarithm
 from iwanjax.identification.likelihood import covariance
 from iwanjax.identification.multistart import HypothesisFit
@@ -30,6 +32,12 @@ def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tupl
 
     if isinstance(kind, JointKind):
         return _of_joint(problem, fitted, kind, deviation)
+    if isinstance(kind, AbstractAddedFault):
+        found = (Estimate(kind.size, *size_of_added(problem, fitted, slot)),)
+        if kind.told is not None:
+            value, unit = moved(problem, hypothesis, theta, slot).value(span(problem))
+            found += (Estimate(kind.told, value, unit * deviation(at.size(slot))),)
+        return found
     value, shape = hypothesis.physical(theta, at, slot)
     spread = abs(value) if hypothesis.logarithmic(slot) else hypothesis.scales[slot]
     found = (Estimate(kind.size, value, spread * deviation(at.size(slot))),)
@@ -73,6 +81,9 @@ def _determined(
         return any(
             x > settings().judgement.sure * each.std for x, each in zip(off, found, strict=False)
         )
+    if isinstance(kind, AbstractAddedFault):
+        added, std = size_of_added(problem, fitted, slot)
+        return added > settings().judgement.sure * std
     own = free_values(problem, hypothesis)
     at, both = problem.map.size(slot), (problem.map.size(slot), problem.map.shape(slot))
     places = [own.index(value) for value in both if value in own]

@@ -10,7 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iwanjax.effects.faults import AbstractFault, AbstractForceFault, AbstractSensorFault
+from iwanjax.effects.faults import (
+    AbstractAddedFault,
+    AbstractFault,
+    AbstractForceFault,
+    AbstractSensorFault,
+)
 from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.identification.joint_priors import Joint, located
 from iwanjax.identification.places import Place
@@ -78,7 +83,21 @@ def channel(
 ) -> Start:
     """A fault of the channel of a measured force, with a size in its unit."""
     start = _fault(problem, kind, label, z, size, np.zeros(problem.empty().chain.shape))
-    return start._replace(hypothesis=replace(start.hypothesis, inputs=(which,)))
+    return start._replace(hypothesis=replace(start.hypothesis, channels=(which,)))
+
+
+def added(
+    problem: HistoryProblem, kind: AbstractAddedFault, which: int, label: str, z: np.ndarray
+) -> Start:
+    """Something that is added to what a sensor shows."""
+    hypothesis = replace(
+        problem.nothing(),
+        kinds=(kind,),
+        where=(label,),
+        channels=(which,),
+        sizes=(kind.told is not None,),
+    )
+    return Start(hypothesis, problem.map.given(z))
 
 
 def _fault(
@@ -123,7 +142,7 @@ def joined(problem: HistoryProblem, starts: Sequence[Start]) -> Start:
             tuple(x for h in hypotheses for x in h.shapes),
             drifting[0] if drifting else None,
             tuple(x for h in hypotheses for x in h.scales),
-            tuple(x for h in hypotheses for x in h.inputs),
+            tuple(x for h in hypotheses for x in h.channels),
         ),
         np.concatenate([first.common[:p], *(start.common[p:] for start in starts)]),
     )
@@ -143,7 +162,7 @@ def alone(problem: HistoryProblem, start: Start, slot: int) -> Start:
             h.shapes[part],
             h.drifting if drifts else None,
             h.scales[part],
-            h.inputs[part],
+            h.channels[part],
         ),
         np.concatenate([start.common[:p], start.common[problem.map.slot(slot)]]),
     )

@@ -11,6 +11,7 @@ from jaxtyping import Array
 
 from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.identification import kernels
+from iwanjax.identification.added import without_added
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.predictor import Predictor, Suspects
 from iwanjax.identification.problem import DIFFERENCE, HistoryProblem, Hypothesis
@@ -50,8 +51,10 @@ def linearise(
     found = _each(problem, ("slopes", slots), threads * len(points), run)
     for (point, value), own in _by_faulty_forces(problem, points, gains.gain):
         J[point, :, value] = own
+    seen = zip(points, gains.gain, found[::threads], J[:, :, :values], strict=True)
     return [
-        Linearisation.of(e, own[:, :values]) for e, own in zip(found[::threads], J, strict=True)
+        Linearisation.of(*without_added(problem, *point, gain, e, own))
+        for point, gain, e, own in seen
     ]
 
 
@@ -110,7 +113,8 @@ def _residuals(
     def run(i: int) -> tuple[np.ndarray, np.ndarray]:
         fixed = _fixed(problem, *points[i])
         found = kernels.residuals(*fixed, gains[i], problem.data_with(*points[i]))
-        return np.asarray(found[0]), np.asarray(found[1])
+        e, left = map(np.asarray, found)
+        return without_added(problem, *points[i], gains[i], e, e[:, None][:, :0])[0], left
 
     slots = points[0][0].suspects.row.shape[0]
     return _each(problem, ("residuals", slots), len(points), run)

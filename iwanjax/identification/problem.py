@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from iwanjax.effects.faults import AbstractForceFault
+from iwanjax.effects.faults import AbstractAddedFault, AbstractForceFault
 from iwanjax.effects.kinds import Kind
 from iwanjax.identification.conditioning import MeasuredForces
 from iwanjax.identification.joint_priors import Joint, parameters_of, tangents
@@ -47,8 +47,9 @@ class Hypothesis:
         Joint whose strength changes between recordings.
     scales : tuple of float
         Units of the slots' sizes.
-    inputs : tuple of int
-        Of each slot the input whose force is faulty; -1 without such a fault.
+    channels : tuple of int
+        Of each slot the input whose force is faulty, or the sensor that something is added to;
+        -1 without such a fault.
     """
 
     kinds: tuple[Kind, ...]
@@ -58,12 +59,18 @@ class Hypothesis:
     shapes: tuple[bool, ...] = (False,)
     drifting: int | None = None
     scales: tuple[float, ...] = (1.0,)
-    inputs: tuple[int, ...] = (-1,)
+    channels: tuple[int, ...] = (-1,)
 
     @property
     def of_forces(self) -> list[int]:
         """Slots with a fault of a measured force."""
-        return [slot for slot, which in enumerate(self.inputs) if which >= 0]
+        return [i for i, kind in enumerate(self.kinds) if isinstance(kind, AbstractForceFault)]
+
+    @property
+    def added(self) -> dict[int, AbstractAddedFault]:
+        """What is added to sensors, by slots."""
+        pairs = enumerate(self.kinds)
+        return {slot: kind for slot, kind in pairs if isinstance(kind, AbstractAddedFault)}
 
     def logarithmic(self, slot: int) -> bool:
         """Whether a slot's size is the exponential of its value in theta."""
@@ -208,7 +215,7 @@ class HistoryProblem:
         dt = float(self.predictor.dt) * self.predictor.substeps
         acted = self.forces.clean.copy()
         for slot in hypothesis.of_forces:
-            fault, which = hypothesis.kinds[slot], hypothesis.inputs[slot]
+            fault, which = hypothesis.kinds[slot], hypothesis.channels[slot]
             assert isinstance(fault, AbstractForceFault)
             size = hypothesis.physical(theta.mean(axis=0), self.map, slot)[0] / fault.unit(dt)
             for force in acted:

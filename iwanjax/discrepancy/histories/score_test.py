@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.effects.catalogue import sensor_faults_of
-from iwanjax.effects.faults import AbstractForceFault
+from iwanjax.effects.faults import AbstractAddedFault, AbstractForceFault
 from iwanjax.effects.kinds import JointKind, Kind
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import (
@@ -18,7 +18,7 @@ from iwanjax.identification.columns import (
     sensor_faults,
     unit_effects,
 )
-from iwanjax.identification.linearise import linearise, residuals_at
+from iwanjax.identification.linearise import innovations, linearise, residuals_at
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import (
@@ -239,6 +239,17 @@ def _as_they_are(
             for i, label in enumerate(inputs)
             if peaks[i] > 0.0
             for size in kind.tried(float(peaks[i]))
+        ]
+    added = [kind for kind in kinds if isinstance(kind, AbstractAddedFault)]
+    if added:
+        left = innovations(problem, base.hypothesis, base.theta, base.time_constant)
+        left = np.where(np.asarray(problem.data.weight) > 0, left, 0.0)
+        dt = float(problem.predictor.dt) * problem.predictor.substeps
+        starts += [
+            hypotheses.added(problem, tuned, i, label, z)
+            for kind in added
+            for i, label in enumerate(sensors)
+            if (tuned := kind.tuned(left[..., i], dt)) is not None
         ]
     if not starts:
         return []
