@@ -1,7 +1,6 @@
 """What is added to sensors: columns of any size in each recording, taken out of the residuals."""
 
 import math
-from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -12,9 +11,6 @@ from iwanjax.identification import kernels
 from iwanjax.identification.observer import stepped
 from iwanjax.identification.problem import DIFFERENCE, HistoryProblem, Hypothesis
 from iwanjax.signals.comparison_band import passed
-
-if TYPE_CHECKING:
-    from iwanjax.identification.multistart import HypothesisFit
 
 # Relative singular value below which a column says nothing that the others do not.
 _ALIKE = 1e-8
@@ -89,13 +85,18 @@ def moved(
 
 
 def size_of_added(
-    problem: HistoryProblem, fitted: "HypothesisFit", slot: int
+    problem: HistoryProblem,
+    hypothesis: Hypothesis,
+    theta: np.ndarray,
+    time_constant: float,
+    slot: int,
 ) -> tuple[float, float]:
-    """Size of what a slot adds to its sensor, over all recordings, and its deviation."""
-    hypothesis, theta = fitted.hypothesis, fitted.theta
-    suspects = hypothesis.suspects
-    mean = theta.mean(axis=0)
-    gain = problem.gains([suspects], mean[None], fitted.time_constant, slopes=False).gain[0]
+    """Size of what a slot adds to its sensor, over all recordings, and its deviation.
+
+    The mean square of the columns with the sizes that explain most, by noise as it is.
+    """
+    suspects, mean = hypothesis.suspects, theta.mean(axis=0)
+    gain = problem.gains([suspects], mean[None], time_constant, slopes=False).gain[0]
     fixed = problem.predictor, problem.joints, suspects, jax.device_put(theta)
     e = np.asarray(kernels.residuals(*fixed, gain, problem.data_with(hypothesis, theta))[0])
     made = _changes(problem, hypothesis, theta, gain)

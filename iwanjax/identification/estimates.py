@@ -33,7 +33,7 @@ def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tupl
     if isinstance(kind, JointKind):
         return _of_joint(problem, fitted, kind, deviation)
     if isinstance(kind, AbstractAddedFault):
-        found = (Estimate(kind.size, *size_of_added(problem, fitted, slot)),)
+        found = (Estimate(kind.size, *_added(problem, fitted, slot)),)
         if kind.told is not None:
             value, unit = moved(problem, hypothesis, theta, slot).value(span(problem))
             found += (Estimate(kind.told, value, unit * deviation(at.size(slot))),)
@@ -44,6 +44,11 @@ def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tupl
     if isinstance(kind, ForceKind) and kind.shape is not None:
         found += (Estimate(kind.shape, shape, shape * deviation(at.shape(slot))),)
     return found
+
+
+def _added(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tuple[float, float]:
+    each = fitted.hypothesis, fitted.theta, fitted.time_constant
+    return size_of_added(problem, *each, slot)
 
 
 def determined(problem: HistoryProblem, fitted: HypothesisFit) -> bool:
@@ -82,7 +87,7 @@ def _determined(
             x > settings().judgement.sure * each.std for x, each in zip(off, found, strict=False)
         )
     if isinstance(kind, AbstractAddedFault):
-        added, std = size_of_added(problem, fitted, slot)
+        added, std = _added(problem, fitted, slot)
         return added > settings().judgement.sure * std
     own = free_values(problem, hypothesis)
     at, both = problem.map.size(slot), (problem.map.size(slot), problem.map.shape(slot))
