@@ -113,6 +113,7 @@ def problem(
     length = max(map(len, responses))
     seen = conditioned(recordings, by, modal, noise, length, len(recordings), 6)
     joints = tuple(Joint(each, jnp.array([loose])) for each in structure.elements)
-    made = HistoryProblem(by, joints, seen.data, noise, tuple(range(len(recordings))))
+    order = tuple(range(len(recordings)))
+    made = HistoryProblem(by, joints, seen.data, noise, order, forces=seen.forces)
     rows = {name: row @ np.asarray(modal.Phi) for name, row in ROWS.items()}
     return made, places_of(made, followed(made), rows)

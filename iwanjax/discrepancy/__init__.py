@@ -12,11 +12,14 @@ from iwanjax.discrepancy.histories.diagnose import diagnose_histories
 from iwanjax.discrepancy.single_mode import ModeComparison, compare_modes
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
 from iwanjax.effects.catalogue import CATALOGUE, catalogue
-from iwanjax.effects.kinds import ForceKind, JointKind, ModeKind, SensorKind
+from iwanjax.effects.faults import AbstractForceFault, AbstractSensorFault
+from iwanjax.effects.kinds import ForceKind, JointKind, ModeKind
 from iwanjax.identification.recordings import StudyRecording
 
 __all__ = [
     "CATALOGUE",
+    "AbstractForceFault",
+    "AbstractSensorFault",
     "CurveRun",
     "Diagnosis",
     "ForceKind",
@@ -25,7 +28,6 @@ __all__ = [
     "ModeComparison",
     "ModeKind",
     "ModesRun",
-    "SensorKind",
     "StudyRecording",
     "Suspect",
     "catalogue",

@@ -1,26 +1,61 @@
 """The catalogue: every law and fault that may be missing, by the name that results give it."""
 
 import difflib
+from collections.abc import Iterable
 from functools import cache
 
+from iwanjax.effects import (
+    force_delay,
+    force_gain,
+    force_saturation,
+    sensor_delay,
+    sensor_drift,
+    sensor_gain,
+    sensor_high_pass,
+    sensor_hum,
+    sensor_saturation,
+)
+from iwanjax.effects.faults import AbstractFault, AbstractSensorFault
 from iwanjax.effects.joint_faults import JOINT_FAULTS
 from iwanjax.effects.kinds import ForceKind, Kind, force_laws
-from iwanjax.effects.sensor_faults import SENSOR_FAULTS
 from iwanjax.errors import InputError
 from iwanjax.joints import described
-from iwanjax.joints.force_law import AbstractForceLaw
+from iwanjax.joints.force_law import AbstractForceLaw, EffectName
+
+FAULTS: tuple[AbstractFault, ...] = (
+    sensor_gain.GAIN,
+    sensor_delay.DELAY,
+    sensor_high_pass.HIGH_PASS,
+    sensor_saturation.SATURATION,
+    sensor_gain.POLARITY,
+    force_gain.GAIN,
+    force_delay.DELAY,
+    force_saturation.SATURATION,
+    force_gain.POLARITY,
+    sensor_hum.HUM,
+    sensor_drift.DRIFT,
+)
+"""Faults of channels; those of one channel act one after the other in this order."""
+
+
+def sensor_faults_of(kinds: Iterable[Kind]) -> tuple[AbstractSensorFault, ...]:
+    """Those of sensors among kinds."""
+    return tuple(kind for kind in kinds if isinstance(kind, AbstractSensorFault))
 
 
 @cache
 def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[Kind, ...]:
     """The kind that a law is, each of its variants."""
-    name, usual, signs = law.effect or (registered, described(law).partition(":")[0], "")
-    return tuple(ForceKind(name, usual, law, signs, v.held, v.words) for v in law.variants)
+    effect = law.effect or EffectName(registered, described(law).partition(":")[0])
+    return tuple(
+        ForceKind(effect.name, effect.usual, law, effect.signs, v.held, v.words, effect.noun)
+        for v in law.variants
+    )
 
 
 CATALOGUE: dict[str, tuple[Kind, ...]] = {
     **{law.effect.name: _of_law(name, law) for name, law in force_laws().items() if law.effect},
-    **{kind.name: (kind,) for kind in (*SENSOR_FAULTS, *JOINT_FAULTS)},
+    **{kind.name: (kind,) for kind in (*FAULTS, *JOINT_FAULTS)},
 }
 """Kinds that have a name of their own, each with its variants; :func:`catalogue` has all."""
 

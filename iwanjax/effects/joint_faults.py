@@ -1,6 +1,6 @@
 """Faults of joints: one that sticks, drifts, was left out, or is moved by several modes."""
 
-from iwanjax.effects.kinds import JointKind, ModeKind
+from iwanjax.effects.kinds import JointKind, ModeKind, missing
 from iwanjax.joints import Iwan4, ParameterInfo
 from iwanjax.joints.iwan4 import NEVER_SLIPPING, SLIDING_AT_ONCE
 
@@ -10,6 +10,8 @@ JOINT_FAULTS = (
         "static and kinetic friction that differ",
         (ParameterInfo("theta", "1", "kinetic over static friction", 0.0, upper=1.0),),
         "less damping after large amplitudes than the joint's growth would have it",
+        "static friction above the kinetic one",
+        "Joint {where} has more static than kinetic friction",
     ),
     JointKind(
         "joint_drift",
@@ -19,12 +21,16 @@ JOINT_FAULTS = (
             ParameterInfo("K_T_change", "1", "of ln K_T from recording to recording"),
         ),
         "recordings that each want another strength of one joint",
+        "a change from recording to recording",
+        "Joint {where} changes from recording to recording",
     ),
     JointKind(
         "iwan_joint",
         "a joint left out",
         Iwan4.parameters,
         "microslip where no joint is",
+        "a joint",
+        missing("a joint"),
         (SLIDING_AT_ONCE, NEVER_SLIPPING),
     ),
     ModeKind(
@@ -32,6 +38,8 @@ JOINT_FAULTS = (
         "a joint that several modes move at once",
         ParameterInfo("ratio", "1", "the joint's deflection by the other mode over that by this"),
         "hits that differ at equal amplitude, the lower in frequency the more another mode moves",
+        "another mode that moves the joint",
+        "The joint of {where} is moved by another mode as well",
     ),
 )
 """What is wrong with a model's joints."""

@@ -1,12 +1,13 @@
-"""What may be missing from a model: kinds of physics and of faults, each with its signs."""
+"""What may be missing from a model: kinds of physics and of faults of joints, with their signs."""
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 from jaxtyping import Array
 
+from iwanjax.effects.faults import AbstractFault
 from iwanjax.effects.nested import Nested
 from iwanjax.joints import JOINTS, ParameterInfo
 from iwanjax.joints.force_law import AbstractForceLaw, NestedLaw, PlaceMotion, Scales
@@ -30,6 +31,8 @@ class ForceKind:
         Other arguments of the law.
     variant : str
         Which of several forms of the same name, in words; empty for the only one.
+    noun : str
+        With its article; what the field calls it where there is none.
     """
 
     name: str
@@ -38,6 +41,12 @@ class ForceKind:
     signs: str = ""
     held: tuple[tuple[str, Any], ...] = ()
     variant: str = ""
+    noun: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """What a verdict says of it, its place left open."""
+        return missing(self.noun or self.usual)
 
     @property
     def size(self) -> ParameterInfo:
@@ -84,41 +93,12 @@ class ForceKind:
 
 
 @dataclass(frozen=True)
-class SensorKind:
-    """One kind of fault of the measurement chain; it acts on what is predicted, not on the data.
-
-    Parameters
-    ----------
-    name, usual, size, signs
-        As for :class:`ForceKind`.
-    acts : {"gain", "delay", "limit"}
-        What is wrong with a sensor: a factor 1 + size, a delay in seconds, or the largest value
-        that it shows.
-    fixed : float, optional
-        The size, where there is nothing to fit.
-    positive : bool
-        Whether a negative size means nothing.
-    limits : tuple of Nested
-        Simpler kinds that it becomes at one size: with nothing to fit.
-    """
-
-    name: str
-    usual: str
-    size: ParameterInfo
-    signs: str
-    acts: Literal["gain", "delay", "limit"]
-    fixed: float | None = None
-    positive: bool = False
-    limits: tuple[Nested, ...] = ()
-
-
-@dataclass(frozen=True)
 class JointKind:
     """One kind of fault of the model's joints, or a joint too few.
 
     Parameters
     ----------
-    name, usual, signs
+    name, usual, signs, noun, sentence
         As for :class:`ForceKind`.
     parameters : tuple of ParameterInfo
         What is fitted.
@@ -130,6 +110,8 @@ class JointKind:
     usual: str
     parameters: tuple[ParameterInfo, ...]
     signs: str
+    noun: str
+    sentence: str
     nested: tuple[NestedLaw, ...] = ()
 
     @property
@@ -144,7 +126,7 @@ class ModeKind:
 
     Parameters
     ----------
-    name, usual, size, signs
+    name, usual, size, signs, noun, sentence
         As for :class:`ForceKind`.
     limits : tuple of Nested
         As for :class:`ForceKind`.
@@ -154,12 +136,19 @@ class ModeKind:
     usual: str
     size: ParameterInfo
     signs: str
+    noun: str
+    sentence: str
     limits: tuple[Nested, ...] = ()
     # There is nothing about it beside its size.
     shape: ClassVar[None] = None
 
 
-Kind: TypeAlias = ForceKind | SensorKind | JointKind | ModeKind
+Kind: TypeAlias = ForceKind | AbstractFault | JointKind | ModeKind
+
+
+def missing(noun: str) -> str:
+    """What a verdict says of what is missing, its place left open."""
+    return f"{noun[:1].upper()}{noun[1:]} is missing {{place}}"
 
 
 def _nested(laws: Iterable[NestedLaw]) -> tuple[Nested, ...]:

@@ -24,9 +24,3 @@ class Nested(NamedTuple):
     name: str
     narrowed: Callable[[Values], tuple[Values, ...]]
     widened: Callable[[Values, Scales, float], Values]
-
-
-TURNED = -2.0
-"""Error of the gain of a sensor with the opposite sign."""
-WRONG_SIGN = Nested("sensor_polarity", lambda _: ((TURNED,),), lambda turned, *_: turned)
-"""A sensor with the opposite sign."""

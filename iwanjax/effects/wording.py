@@ -1,59 +1,23 @@
 """Plain words for what may be missing: "A cubic spring is missing between m5 and m6"."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from iwanjax.effects.estimate import Estimate
 from iwanjax.effects.kinds import Kind
 
-# Of each kind: a noun, and a sentence with its place, where that is not "... is missing".
-_NOUNS: Mapping[str, str] = {
-    "stiffness_error": "a linear spring",
-    "mass_error": "a mass",
-    "viscous_damping": "a viscous damper",
-    "cubic_stiffness": "a cubic spring",
-    "quadratic_stiffness": "a quadratic spring",
-    "gap_contact": "a gap",
-    "bilinear_stiffness": "a bilinear spring",
-    "coulomb_friction": "dry friction",
-    "iwan_joint": "a joint",
-    "tanh_spring": "a softening spring",
-    "bouc_wen": "a Bouc-Wen element",
-    "backlash": "a slider with a dead band",
-    "quadratic_damping": "quadratic damping (drag)",
-    "viscoelastic": "a viscoelastic element (Maxwell)",
-    "stiction": "static friction above the kinetic one",
-    "joint_drift": "a change from recording to recording",
-    "modal_coupling": "another mode that moves the joint",
-    "sensor_gain": "a wrong gain",
-    "sensor_delay": "a delay",
-    "sensor_saturation": "saturation",
-    "sensor_polarity": "a wrong sign",
-}
-_SENTENCES: Mapping[str, str] = {
-    "stiction": "Joint {} has more static than kinetic friction",
-    "joint_drift": "Joint {} changes from recording to recording",
-    "modal_coupling": "The joint of {} is moved by another mode as well",
-    "sensor_gain": "Sensor {} has a wrong gain",
-    "sensor_delay": "Sensor {} is late",
-    "sensor_saturation": "Sensor {} saturates",
-    "sensor_polarity": "Sensor {} has the wrong sign",
-}
 # Relative error from which on it is told as a multiple of what was measured.
 _MANIFOLD = 10.0
 
 
 def noun(kind: Kind, where: str) -> str:
     """For instance "a gap between m5 and m6"."""
-    return f"{_NOUNS.get(kind.name, kind.usual)} {place(where)}"
+    return f"{kind.noun or kind.usual} {place(where)}"
 
 
 def sentence(kind: Kind, where: str) -> str:
     """For instance "A cubic spring is missing between m5 and m6", without its full stop."""
-    if kind.name in _SENTENCES:
-        return _SENTENCES[kind.name].format(where)
-    name = _NOUNS.get(kind.name, kind.usual)
-    return f"{name[:1].upper()}{name[1:]} is missing {place(where)}"
+    return kind.sentence.format(where=where, place=place(where))
 
 
 def place(where: str) -> str:

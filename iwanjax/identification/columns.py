@@ -9,9 +9,11 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.effects.kinds import ForceKind, Kind, SensorKind
+from iwanjax.effects.catalogue import sensor_faults_of
+from iwanjax.effects.faults import AbstractFault, AbstractForceFault, AbstractSensorFault
+from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.identification import hypotheses
-from iwanjax.identification.innovations import LONGEST_DELAY, change_by_delay
+from iwanjax.identification.conditioning import at_ends
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.kernels import Small, responses, unit_forces
 from iwanjax.identification.linearise import innovations
@@ -19,14 +21,12 @@ from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.observer import stepped
 from iwanjax.identification.places import Place
 from iwanjax.identification.predictor import Data, Predictor, Suspects
-from iwanjax.identification.problem import HistoryProblem, Start
+from iwanjax.identification.problem import DIFFERENCE, HistoryProblem, Start
 from iwanjax.signals.comparison_band import passed
 from iwanjax.threads import available_threads
 
 # Suspects that a kernel takes at once.
 _AT_ONCE = 16
-# What small errors of a sensor are: of its gain, or of its time.
-_SMALL = ("gain", "delay")
 
 
 class UnitEffect(NamedTuple):
@@ -42,11 +42,11 @@ class UnitEffect(NamedTuple):
         Of the place.
     force : (recordings, steps) array
         What it opposes the motion with at size 1.
-    fault : (2, sensors) array
-        Error of each sensor's gain, and samples that it is late.
+    fault : (faults, sensors) array
+        Sizes of the sensors' faults.
     """
 
-    kind: ForceKind | SensorKind
+    kind: ForceKind | AbstractFault
     where: str
     sized: Callable[[float], Start]
     row: np.ndarray
@@ -100,7 +100,8 @@ def _about(
     """What kernels that linearise about a fit take before and after what they are about."""
     suspects, mean = base.hypothesis.suspects, base.theta.mean(axis=0)[: base.values]
     gain = problem.gains([suspects], mean[None], base.time_constant, slopes=False).gain[0]
-    at = (*jax.device_put((base.theta, gain)), problem.data)
+    data = problem.data_with(base.hypothesis, base.theta)
+    at = (*jax.device_put((base.theta, gain)), data)
     return (problem.predictor, problem.joints, suspects), at
 
 
@@ -119,7 +120,7 @@ def unit_effects(
         for grid, w in zip(grids, widest, strict=True)
     )
     rows = np.stack([place.row for place in places])
-    blank = np.zeros((len(_SMALL), len(problem.noise)))
+    blank = np.zeros((len(problem.predictor.faults), len(problem.noise)))
     forces = map(np.asarray, unit_forces(*fixed, rows, padded, *at))
     return [
         UnitEffect(
@@ -144,32 +145,66 @@ def _grid(kind: ForceKind, places: Sequence[Place]) -> list[tuple[float, ...]]:
 def sensor_faults(
     problem: HistoryProblem, kinds: Sequence[Kind], sensors: Sequence[str], z: np.ndarray
 ) -> list[UnitEffect]:
-    """Errors of the sensors' gains, and delays."""
+    """Faults of size 1 of every sensor."""
+    faults = problem.predictor.faults
     row = np.zeros(problem.predictor.joints.shape[1])
     still = np.zeros((problem.recordings, problem.data.push.shape[1] * problem.predictor.substeps))
 
-    def begun(kind: SensorKind, i: int, label: str, size: float) -> Start:
-        size = min(size, 0.5 * LONGEST_DELAY) if kind.acts == "delay" else size
-        return hypotheses.sensor(problem, kind, i, label, z, size)
+    def begun(kind: AbstractSensorFault, i: int, label: str, size: float) -> Start:
+        return hypotheses.sensor(problem, kind, i, label, z, min(size, kind.most))
 
     effects = []
-    for kind in kinds:
-        if not isinstance(kind, SensorKind) or kind.acts not in _SMALL or kind.fixed is not None:
+    for kind in sensor_faults_of(kinds):
+        if kind.slope(np.zeros((1, 1, len(sensors)))) is None:
             continue
         for i, label in enumerate(sensors):
-            fault = np.zeros((len(_SMALL), len(sensors)))
-            fault[_SMALL.index(kind.acts), i] = 1.0
+            fault = np.zeros((len(faults), len(sensors)))
+            fault[faults.index(kind), i] = 1.0
             effects.append(
                 UnitEffect(kind, label, partial(begun, kind, i, label), row, still, fault)
             )
     return effects
 
 
+def force_faults(
+    problem: HistoryProblem, kinds: Sequence[Kind], inputs: Sequence[str], z: np.ndarray
+) -> list[UnitEffect]:
+    """Faults of every measured force: what force acts more, for each unit of the size at zero."""
+    if problem.forces is None:
+        return []
+    measured, rows = problem.forces.clean, problem.forces.rows
+    blank = np.zeros((len(problem.predictor.faults), len(problem.noise)))
+
+    def begun(kind: AbstractForceFault, i: int, label: str, size: float) -> Start:
+        begin = float(np.clip(size, -kind.most, kind.most))
+        return hypotheses.channel(problem, kind, i, label, z, begin)
+
+    effects = []
+    for kind in kinds:
+        if not isinstance(kind, AbstractForceFault) or kind.fixed is not None:
+            continue
+        for i, label in enumerate(inputs):
+            ends = (
+                np.stack([kind.acted(force, size) for force in measured[..., i]])
+                for size in (DIFFERENCE, -DIFFERENCE)
+            )
+            more = np.subtract(*ends) / (2.0 * DIFFERENCE)
+            opposes = -at_ends(more, problem.predictor.substeps)
+            # One that never acts, or is not cut anywhere, shows no fault.
+            if np.any(opposes):
+                own = partial(begun, kind, i, label)
+                effects.append(UnitEffect(kind, label, own, rows[:, i], opposes, blank))
+    return effects
+
+
 def _shown(problem: HistoryProblem, base: HypothesisFit) -> np.ndarray:
-    """What the sensors show as predicted, and its change by a delay."""
+    """What a fault of size 1 changes in what the sensors show as predicted, for each fault."""
     off = innovations(problem, base.hypothesis, base.theta, base.time_constant)
     shown = np.asarray(problem.data.response) - off
-    return np.stack([shown, change_by_delay(shown)], axis=1)
+    slopes = [fault.slope(shown) for fault in problem.predictor.faults]
+    none = np.zeros_like(shown)
+    changes = [none if slope is None else slope for slope in slopes]
+    return np.stack(changes, axis=1) if changes else np.zeros((len(shown), 0, *shown.shape[1:]))
 
 
 def columns_at_rest(

@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.dynamics.parabolic_hold import hold
@@ -38,12 +39,50 @@ class ConditionedRecordings:
         Standard deviation of each sensor's noise.
     warnings : tuple of str
         What is odd about them.
+    forces : MeasuredForces, optional
+        What acted in them.
     """
 
     names: tuple[str, ...]
     data: Data
     noise: np.ndarray
     warnings: tuple[str, ...]
+    forces: "MeasuredForces | None" = None
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredForces:
+    """Forces as measured, and what others in their place would do to the modes.
+
+    Attributes
+    ----------
+    clean : (recordings, N, inputs) array
+        Zero outside their pulses, and in free decays.
+    moving : (recordings,) array of bool
+        Whether a recording begins in motion, so that its first sample counts.
+    modal : ModalCoordinates
+        With the rows of the inputs.
+    settings : ConditioningSettings
+        Of the stage.
+    """
+
+    clean: Float[np.ndarray, "recordings N inputs"]
+    moving: np.ndarray
+    modal: ModalCoordinates
+    settings: ConditioningSettings
+
+    @property
+    def rows(self) -> Float[np.ndarray, "modes inputs"]:
+        """Where the inputs act, on all modes."""
+        return np.asarray(self.modal.W)
+
+    def pushed(
+        self, made: Predictor, more: Float[np.ndarray, "recordings N inputs"]
+    ) -> Float[np.ndarray, "recordings N substeps states"]:
+        """What more force at the inputs does to the modes, as in :class:`~.predictor.Data`."""
+        found = np.stack([_pushed(made, self.modal, force, self.settings) for force in more])
+        found[self.moving, 0, -1, 2 * made.kept :] += more[self.moving, 0] @ self.rows.T
+        return found
 
 
 def conditioned(
@@ -79,6 +118,7 @@ def conditioned(
         For recordings that are not finite, and those whose forces are all zero.
     """
     rows, noises, warnings = [], [], []
+    forces = np.zeros((len(recordings), length, modal.W.shape[1]))
     cycles = (
         math.sqrt(np.max(np.asarray(made.omega2)))
         * float(made.dt)
@@ -86,7 +126,7 @@ def conditioned(
         / (2.0 * math.pi)
     )
     beside = settings.ringing if cycles > settings.high else settings.beside
-    for each in recordings:
+    for i, each in enumerate(recordings):
         require_usable(each, settings)
         response = each.response.astype(float)
         missing = (0, length - len(response))
@@ -101,6 +141,7 @@ def conditioned(
             own = (
                 quietest(response, settings) if busy else noise_of(response, force.first, settings)
             )
+            forces[i, : len(response)] = force.clean
             felt = _felt(made, modal, force, settings)
             unsure = _unsure(made, modal, force, settings)
             kick[min(force.last + 1, len(response) - 1)] = 1.0
@@ -135,7 +176,10 @@ def conditioned(
     weight[len(rows) :] = 0.0
     data = Data(*jax.device_put((push, response, weight, kick, unsure)))
     names = tuple(each.name for each in recordings)
-    return ConditionedRecordings(names, data, np.stack(noises), tuple(warnings))
+    which = np.arange(count) % len(rows)
+    moving = np.array([each.moving for each in recordings])
+    acted = MeasuredForces(forces[which], moving[which], modal, settings)
+    return ConditionedRecordings(names, data, np.stack(noises), tuple(warnings), acted)
 
 
 def directions_of(
@@ -240,6 +284,15 @@ def upsampled(force: np.ndarray, times: int) -> np.ndarray:
     """So many values for each sample, the first at the sample itself; no others between them."""
     found = np.fft.irfft(np.fft.rfft(force, axis=0), times * len(force), axis=0)
     return times * found
+
+
+def at_ends(
+    force: Float[np.ndarray, "recordings N"], substeps: int
+) -> Float[np.ndarray, "recordings steps"]:
+    """A force at the end of each step that leads to a sample, in all recordings."""
+    between = upsampled(force.T, substeps).T
+    early = np.pad(between, ((0, 0), (substeps - 1, 0)))
+    return early[:, : between.shape[1]]
 
 
 def _unsure(

@@ -7,7 +7,9 @@ import jax
 import numpy as np
 
 from iwanjax.effects.estimate import Estimate
-from iwanjax.effects.kinds import ForceKind, JointKind, SensorKind
+from iwanjax.effects.faults import AbstractAddedFault
+from iwanjax.effects.kinds import ForceKind, JointKind
+from iwanjax.identification.added import moved, size_of_added, span
 from iwanjax.identification.joint_priors import joints_of, of_logarithm
 from iwanjax.identification.likelihood import covariance
 from iwanjax.identification.multistart import HypothesisFit
@@ -30,15 +32,23 @@ def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tupl
 
     if isinstance(kind, JointKind):
         return _of_joint(problem, fitted, kind, deviation)
+    if isinstance(kind, AbstractAddedFault):
+        found = (Estimate(kind.size, *_added(problem, fitted, slot)),)
+        if kind.told is not None:
+            value, unit = moved(problem, hypothesis, theta, slot).value(span(problem))
+            found += (Estimate(kind.told, value, unit * deviation(at.size(slot))),)
+        return found
     value, shape = hypothesis.physical(theta, at, slot)
     spread = abs(value) if hypothesis.logarithmic(slot) else hypothesis.scales[slot]
-    of_shape = shape * deviation(at.shape(slot))
-    if isinstance(kind, SensorKind) and kind.acts == "limit":
-        return (Estimate(kind.size, shape, of_shape),)
     found = (Estimate(kind.size, value, spread * deviation(at.size(slot))),)
     if isinstance(kind, ForceKind) and kind.shape is not None:
-        found += (Estimate(kind.shape, shape, of_shape),)
+        found += (Estimate(kind.shape, shape, shape * deviation(at.shape(slot))),)
     return found
+
+
+def _added(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tuple[float, float]:
+    each = fitted.hypothesis, fitted.theta, fitted.time_constant
+    return size_of_added(problem, *each, slot)
 
 
 def determined(problem: HistoryProblem, fitted: HypothesisFit) -> bool:
@@ -76,6 +86,9 @@ def _determined(
         return any(
             x > settings().judgement.sure * each.std for x, each in zip(off, found, strict=False)
         )
+    if isinstance(kind, AbstractAddedFault):
+        added, std = _added(problem, fitted, slot)
+        return added > settings().judgement.sure * std
     own = free_values(problem, hypothesis)
     at, both = problem.map.size(slot), (problem.map.size(slot), problem.map.shape(slot))
     places = [own.index(value) for value in both if value in own]
@@ -84,7 +97,7 @@ def _determined(
     precision = np.linalg.pinv(known[np.ix_(places, places)])[0, 0]
     deviation = 1.0 / math.sqrt(max(float(precision), 1e-300))
     logarithmic = at not in own or hypothesis.logarithmic(slot)
-    # A logarithm is known by so many deviations of the size itself, which the limit of a sensor is.
+    # A logarithm is known by so many deviations of the size itself.
     size = 1.0 if logarithmic else abs(float(fitted.theta.mean(axis=0)[at]))
     return bool(size > settings().judgement.sure * deviation)
 

@@ -10,14 +10,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iwanjax.effects.kinds import ForceKind, JointKind, SensorKind
+from iwanjax.effects.faults import (
+    AbstractAddedFault,
+    AbstractFault,
+    AbstractForceFault,
+    AbstractSensorFault,
+)
+from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.identification.joint_priors import Joint, located
 from iwanjax.identification.places import Place
 from iwanjax.identification.predictor import Suspects
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.joints import Iwan4, Iwan5
-
-_CHAIN = ("gain", "delay", "limit")
 
 
 def force(
@@ -49,40 +53,71 @@ def shrunk(problem: HistoryProblem, start: Start, share: float) -> Start:
     for slot, fitted in enumerate(start.hypothesis.sizes):
         at = problem.map.size(slot)
         if fitted and start.hypothesis.logarithmic(slot):
-            theta[..., at] += math.log(share)
+            theta[..., at] += start.hypothesis.toward_none(slot) * math.log(1.0 / share)
         elif fitted:
             theta[..., at] *= share
     return Start(start.hypothesis, theta)
 
 
 def sensor(
-    problem: HistoryProblem, kind: SensorKind, which: int, label: str, z: np.ndarray, size: float
+    problem: HistoryProblem,
+    kind: AbstractSensorFault,
+    which: int,
+    label: str,
+    z: np.ndarray,
+    size: float,
 ) -> Start:
-    """A fault of a sensor: error of its gain, its delay in samples or its limit."""
-    suspects = problem.empty()
-    one = np.zeros(suspects.chain.shape)
-    one[0, _CHAIN.index(kind.acts), which] = 1.0
-    limit = kind.acts == "limit"
-    positive = kind.positive and kind.fixed is None
-    suspects = suspects._replace(
-        chain=jax.device_put(one), logarithmic=jax.device_put(np.array([float(positive)]))
+    """A fault of a sensor, with a size in its unit; the only one where nothing is fitted."""
+    one = np.zeros(problem.empty().chain.shape)
+    one[0, problem.predictor.faults.index(kind), which] = 1.0
+    return _fault(problem, kind, label, z, size, one)
+
+
+def channel(
+    problem: HistoryProblem,
+    kind: AbstractForceFault,
+    which: int,
+    label: str,
+    z: np.ndarray,
+    size: float,
+) -> Start:
+    """A fault of the channel of a measured force, with a size in its unit."""
+    start = _fault(problem, kind, label, z, size, np.zeros(problem.empty().chain.shape))
+    return start._replace(hypothesis=replace(start.hypothesis, channels=(which,)))
+
+
+def added(
+    problem: HistoryProblem, kind: AbstractAddedFault, which: int, label: str, z: np.ndarray
+) -> Start:
+    """Something that is added to what a sensor shows."""
+    hypothesis = replace(
+        problem.nothing(),
+        kinds=(kind,),
+        where=(label,),
+        channels=(which,),
+        sizes=(kind.told is not None,),
     )
-    dt = float(problem.predictor.dt) * problem.predictor.substeps
-    hypothesis = Hypothesis(
-        (kind,),
-        (label,),
-        suspects,
-        (kind.fixed is None and not limit,),
-        (limit,),
-        None,
-        (dt if kind.acts == "delay" else 1.0,),
+    return Start(hypothesis, problem.map.given(z))
+
+
+def _fault(
+    problem: HistoryProblem,
+    kind: AbstractFault,
+    label: str,
+    z: np.ndarray,
+    size: float,
+    chain: np.ndarray,
+) -> Start:
+    fitted = kind.fixed is None
+    logarithmic = kind.positive and fitted
+    suspects = problem.empty()._replace(
+        chain=jax.device_put(chain), logarithmic=jax.device_put(np.array([float(logarithmic)]))
     )
-    if kind.fixed is not None:
-        begin = kind.fixed
-    else:
-        begin = math.log(max(size, 1e-6)) if positive else size
-    values = [0.0, math.log(size)] if limit else [begin, 0.0]
-    return Start(hypothesis, np.concatenate([z, values]))
+    unit = kind.unit(float(problem.predictor.dt) * problem.predictor.substeps)
+    hypothesis = Hypothesis((kind,), (label,), suspects, (fitted,), (False,), None, (unit,))
+    begin = size if kind.fixed is None else kind.fixed
+    begin = math.log(max(begin, 1e-6)) if logarithmic else begin
+    return Start(hypothesis, np.concatenate([z, [begin, 0.0]]))
 
 
 def drift(problem: HistoryProblem, kind: JointKind, joint: int, label: str, z: np.ndarray) -> Start:
@@ -107,6 +142,7 @@ def joined(problem: HistoryProblem, starts: Sequence[Start]) -> Start:
             tuple(x for h in hypotheses for x in h.shapes),
             drifting[0] if drifting else None,
             tuple(x for h in hypotheses for x in h.scales),
+            tuple(x for h in hypotheses for x in h.channels),
         ),
         np.concatenate([first.common[:p], *(start.common[p:] for start in starts)]),
     )
@@ -126,6 +162,7 @@ def alone(problem: HistoryProblem, start: Start, slot: int) -> Start:
             h.shapes[part],
             h.drifting if drifts else None,
             h.scales[part],
+            h.channels[part],
         ),
         np.concatenate([start.common[:p], start.common[problem.map.slot(slot)]]),
     )

@@ -18,65 +18,6 @@ from iwanjax.identification.predictor import Data, Predictor, Suspects, Values, 
 from iwanjax.joints import AbstractJoint, PlaceMotion, Reaction
 from iwanjax.structures.small import solve_general
 
-DELAY_NODES = 16
-"""Samples that a delayed sensor is interpolated from: the last ones, as no later ones are known."""
-LONGEST_DELAY = 4.0
-"""Samples by which a sensor may be late."""
-# Bands from zero, as shares of the sampling rate, and what errors of an interpolation weigh in
-# them: structures move most at low frequencies, and recordings are compared up to the last one.
-# Beyond it only the weights' own size counts, little.
-_BANDS, _OWN = ((0.06, 1e4), (0.14, 1e2), (0.24, 1e1), (0.35, 1.0)), 1e-8
-
-
-def chain(suspects: Suspects, size: Array, shape: Array) -> tuple[Array, Array]:
-    """Weights of the last samples in what each sensor shows, and the largest that it can."""
-    gain, delay = (jnp.sum(size[:, None] * suspects.chain[:, i], axis=0) for i in range(2))
-    weight = _delayed(jnp.clip(delay, 0.0, LONGEST_DELAY))
-    largest = jnp.sum(shape[:, None] * suspects.chain[:, 2], axis=0)
-    return (1.0 + gain) * weight, jnp.where(largest > 0, largest, jnp.inf)
-
-
-def _delayed(late: Array) -> Array:
-    """Weights of the last samples in one that is late by so many, (nodes, ...).
-
-    Of least squared error at all frequencies of the bands: a polynomial through the nodes, exact
-    at low ones, is off by a fifth at a quarter of the sampling rate, as the delayed sample lies at
-    the nodes' end. Without delay the last sample itself.
-    """
-    none = np.eye(DELAY_NODES)[0].reshape(-1, *[1] * late.ndim)
-    change = _matched(late) - _matched(jnp.zeros_like(late))
-    return none + jnp.tensordot(_SOLVED, change, axes=1)
-
-
-def _matched(late: Array) -> Array:
-    """What the bands have in common with each node of a signal that is late, (nodes, ...)."""
-    apart = np.arange(DELAY_NODES).reshape(-1, *[1] * late.ndim) - late
-    parts = [weight * 2.0 * end * jnp.sinc(2.0 * end * apart) for end, weight in _BANDS]
-    return sum(parts[1:], parts[0])
-
-
-def _nodes_in_common() -> np.ndarray:
-    """The same for the nodes themselves, inverted, (nodes, nodes)."""
-    apart = np.subtract.outer(np.arange(DELAY_NODES), np.arange(DELAY_NODES))
-    common = sum(weight * 2.0 * end * np.sinc(2.0 * end * apart) for end, weight in _BANDS)
-    return np.linalg.inv(common + _OWN * np.eye(DELAY_NODES))
-
-
-_SOLVED = _nodes_in_common()
-
-
-def change_by_delay(shown: Float[np.ndarray, "recordings N sensors"]) -> np.ndarray:
-    """What sensors would show more for each sample that they are late, from rest."""
-    slopes = np.asarray(jax.jacfwd(_delayed)(jnp.zeros(())))
-    early = np.pad(shown, [(0, 0), (DELAY_NODES - 1, 0), (0, 0)])
-    length = shown.shape[1]
-    first = DELAY_NODES - 1
-    return sum(
-        (slope * early[:, first - j : first - j + length] for j, slope in enumerate(slopes)),
-        np.zeros_like(shown),
-    )
-
-
 # Of a deflection: a smaller change of it says nothing of a stiffness; nor does one whose square,
 # by which a derivative divides, is no number any more (after 1400 silent cycles, say).
 _STILL, _NOTHING = 1e-6, 1e-150
@@ -170,9 +111,9 @@ def _run(
         # A loop, not unrolled: half the time to compile, and no slower.
         at, motion = jax.lax.scan(step, at, felt)
         at = at._replace(z=at.z + kicked * kick)
-        seen = jnp.concatenate([run.seen(at, push), at.seen[:-1]])
-        e = y - run.chained(seen)
-        return at._replace(z=at.z + gain @ e, seen=seen), (e, motion)
+        shown, chain = run.chained(run.seen(at, push), at.chain)
+        e = y - shown
+        return at._replace(z=at.z + gain @ e, chain=chain), (e, motion)
 
     measured = (data.push[:, -1], run.felt, data.response, data.kick)
     return jax.lax.scan(sample, run.rest(), measured)[1]
@@ -181,7 +122,8 @@ def _run(
 class _State(NamedTuple):
     """Of a run: modes as predicted, late by what the last forces were off, and memories.
 
-    ``g`` holds the forces at the last three steps and what the last of them was off.
+    ``g`` holds the forces at the last three steps and what the last of them was off, ``chain``
+    what the sensors remember for each of their faults.
     """
 
     z: Array
@@ -189,7 +131,7 @@ class _State(NamedTuple):
     d: Array
     joints: tuple[Any, ...]
     memory: Array
-    seen: Array
+    chain: tuple[Any, ...]
 
 
 class _Run(NamedTuple):
@@ -209,8 +151,7 @@ class _Run(NamedTuple):
     compliance: Array
     mobility: Array
     inertance: Array
-    sensed_by: Array
-    largest: Array
+    faults: tuple[Any, ...]
     observe: Array
 
     @classmethod
@@ -285,7 +226,7 @@ class _Run(NamedTuple):
             rows @ q_late + flexibility,
             rows @ v_late,
             inertance,
-            *chain(suspects, size, shape),
+            _set_up(predictor, suspects, size),
             predictor.observation(rows, jnp.concatenate([q_late, v_late])),
         )
 
@@ -298,7 +239,7 @@ class _Run(NamedTuple):
             jnp.zeros(m),
             self.elements.init(),
             jnp.zeros(self.suspects.force.shape),
-            jnp.zeros((DELAY_NODES, predictor.sensors.shape[0])),
+            tuple(fault.rest(predictor.sensors.shape[0]) for fault in predictor.faults),
         )
 
     def step(self, at: _State, felt: Array) -> tuple[_State, PlaceMotion]:
@@ -310,7 +251,7 @@ class _Run(NamedTuple):
         motion = PlaceMotion(d[n:], rate[n:], a, d[n:] - at.d[n:], self.by.dt)
         e, joints, memory = self._forces(d[:n], rate[:n], motion, at, expected)
         g = jnp.concatenate([expected + e, at.g[: 2 * m], e])
-        return _State(z, g, d, joints, memory, at.seen), motion
+        return _State(z, g, d, joints, memory, at.chain), motion
 
     def _forces(
         self, d: Array, v: Array, motion: PlaceMotion, at: _State, expected: Array
@@ -367,9 +308,18 @@ class _Run(NamedTuple):
         shown = self.observe @ jnp.concatenate([at.z, forces])
         if predictor.quantity == "acceleration":
             shown = shown + predictor.sensors @ push[2 * r : 3 * r]
-        return shown[None]
+        return shown
 
-    def chained(self, seen: Array) -> Array:
-        """What the sensors show, from the last samples of what faultless ones would."""
-        shown = jnp.sum(self.sensed_by * seen, axis=0)
-        return jnp.clip(shown, -self.largest, self.largest)
+    def chained(self, shown: Array, chain: tuple[Any, ...]) -> tuple[Array, tuple[Any, ...]]:
+        """What the sensors show of what faultless ones would, and what they then remember."""
+        kept = []
+        for fault, own, memory in zip(self.by.faults, self.faults, chain, strict=True):
+            shown, memory = fault.show(shown, own, memory)
+            kept.append(memory)
+        return shown, tuple(kept)
+
+
+def _set_up(predictor: Predictor, suspects: Suspects, size: Array) -> tuple[Any, ...]:
+    """The sensors with the suspects' faults."""
+    of_sensors = jnp.einsum("s,sfk->fk", size, suspects.chain)
+    return tuple(fault.set_up(own) for fault, own in zip(predictor.faults, of_sensors, strict=True))

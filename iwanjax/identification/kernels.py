@@ -46,6 +46,7 @@ def _compiled_in(predictor: Predictor, joints: tuple[Joint, ...], *others: Any) 
     if not all(map(shipped, kinds)) or not all(x.startswith("iwanjax.") for x in made):
         return None
     names = [(kind.name, kind.variant) for kind in kinds]
+    names += [(fault.name, "") for fault in predictor.faults]
     shape = jax.tree.structure((joints, others))
     return f"{names} {predictor.quantity} {predictor.substeps} {shape}"
 
@@ -137,16 +138,16 @@ class Small(NamedTuple):
         Where the force acts.
     force : (batch, recordings, steps) array
         What it opposes the motion with at the end of each step.
-    fault : (batch, 2, sensors) array
-        Error of each sensor's gain, and samples that it is late.
-    shown : (recordings, 2, N, sensors) array
-        What the sensors show, and its change by a delay of one sample.
+    fault : (batch, faults, sensors) array
+        Size of each sensor's faults.
+    shown : (recordings, faults, N, sensors) array
+        Change of what the sensors show by each fault of size 1.
     """
 
     row: Float[Array, "batch modes"]
     force: Float[Array, "batch recordings steps"]
-    fault: Float[Array, "batch 2 sensors"]
-    shown: Float[Array, "recordings 2 N sensors"]
+    fault: Float[Array, "batch faults sensors"]
+    shown: Float[Array, "recordings faults N sensors"]
 
 
 @_kept

@@ -129,4 +129,5 @@ def unknowns(fitted: HypothesisFit) -> int:
     """Number of values fitted beyond those of the joints as given."""
     hypothesis = fitted.hypothesis
     own = sum(hypothesis.sizes) + sum(hypothesis.shapes)
+    own += sum(len(fitted.theta) * kind.count for kind in hypothesis.added.values())
     return own + sum(len(k.parameters) for k in hypothesis.kinds if isinstance(k, JointKind))

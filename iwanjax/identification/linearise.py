@@ -11,9 +11,10 @@ from jaxtyping import Array
 
 from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.identification import kernels
+from iwanjax.identification.added import without_added
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.predictor import Predictor, Suspects
-from iwanjax.identification.problem import HistoryProblem, Hypothesis
+from iwanjax.identification.problem import DIFFERENCE, HistoryProblem, Hypothesis
 from iwanjax.threads import available_threads
 
 _Found = TypeVar("_Found")
@@ -36,20 +37,54 @@ def linearise(
     turned = np.zeros((len(points), len(ways), *gains.gain.shape[1:]))
     turned[:, : gains.slope.shape[1]] = gains.slope
 
+    data = [problem.data_with(*point) for point in points]
     J = np.empty((len(points), problem.recordings, len(ways), *problem.data.response.shape[1:]))
 
     def run(i: int) -> np.ndarray:
         point, part = i // threads, slice(i % threads * size, (i % threads + 1) * size)
         fixed = _fixed(problem, *points[point])
         along = jax.device_put((ways[part], gains.gain[point], turned[point, part]))
-        e, J[point, :, part] = kernels.slopes(*fixed, *along, problem.data)
+        e, J[point, :, part] = kernels.slopes(*fixed, *along, data[point])
         return np.asarray(e)
 
     slots = points[0][0].suspects.row.shape[0]
     found = _each(problem, ("slopes", slots), threads * len(points), run)
+    for (point, value), own in _by_faulty_forces(problem, points, gains.gain):
+        J[point, :, value] = own
+    seen = zip(points, gains.gain, found[::threads], J[:, :, :values], strict=True)
     return [
-        Linearisation.of(e, own[:, :values]) for e, own in zip(found[::threads], J, strict=True)
+        Linearisation.of(*without_added(problem, *point, gain, e, own))
+        for point, gain, e, own in seen
     ]
+
+
+def _by_faulty_forces(
+    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], gain: np.ndarray
+) -> list[tuple[tuple[int, int], np.ndarray]]:
+    """Derivatives by sizes of faults of forces, for (point, place in theta).
+
+    By differences: kernels take the forces that acted as data.
+    """
+    which = [
+        (point, problem.map.size(slot))
+        for point, (hypothesis, _) in enumerate(points)
+        for slot in hypothesis.of_forces
+        if hypothesis.sizes[slot]
+    ]
+
+    def run(i: int) -> np.ndarray:
+        point, value = which[i // 2]
+        hypothesis, theta = points[point]
+        moved = theta.copy()
+        moved[:, value] += DIFFERENCE * (1 - 2 * (i % 2))
+        data = problem.data_with(hypothesis, moved)
+        e = kernels.residuals(*_fixed(problem, hypothesis, theta), gain[point], data)[0]
+        return np.asarray(e)
+
+    slots = points[0][0].suspects.row.shape[0]
+    found = _each(problem, ("residuals", slots), 2 * len(which), run) if which else []
+    changes = (a - b for a, b in zip(found[::2], found[1::2], strict=True))
+    return list(zip(which, (x / (2.0 * DIFFERENCE) for x in changes), strict=True))
 
 
 def residuals_at(
@@ -77,8 +112,9 @@ def _residuals(
 
     def run(i: int) -> tuple[np.ndarray, np.ndarray]:
         fixed = _fixed(problem, *points[i])
-        found = kernels.residuals(*fixed, gains[i], problem.data)
-        return np.asarray(found[0]), np.asarray(found[1])
+        found = kernels.residuals(*fixed, gains[i], problem.data_with(*points[i]))
+        e, left = map(np.asarray, found)
+        return without_added(problem, *points[i], gains[i], e, e[:, None][:, :0])[0], left
 
     slots = points[0][0].suspects.row.shape[0]
     return _each(problem, ("residuals", slots), len(points), run)

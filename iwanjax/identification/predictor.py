@@ -10,6 +10,8 @@ from jaxtyping import Array, Float
 
 from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
 from iwanjax.dynamics.parabolic_hold import MOST, Hold, hold, on
+from iwanjax.effects.catalogue import FAULTS, sensor_faults_of
+from iwanjax.effects.faults import AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.errors import InputError
 from iwanjax.signals.comparison_band import END
@@ -25,16 +27,15 @@ class Suspects(NamedTuple):
         Where a force acts, on all modes.
     force : (slots, kinds) array
         Zero but for the kind of force, where it is the unit of its size.
-    chain : (slots, 3, sensors) array
-        Zero but for what is wrong with a sensor: unit of its gain's error, of its delay in
-        samples, and of the largest value that it shows.
+    chain : (slots, faults, sensors) array
+        Zero but for the fault of a sensor, where it is 1.
     logarithmic : (slots,) array
         1 where the size is the exponential of its parameter.
     """
 
     row: Float[Array, "slots modes"]
     force: Float[Array, "slots kinds"]
-    chain: Float[Array, "slots 3 sensors"]
+    chain: Float[Array, "slots faults sensors"]
     logarithmic: Float[Array, " slots"]
 
 
@@ -123,6 +124,8 @@ class Predictor(eqx.Module):
         how far the linear model is trusted. No column where it is taken to be exact.
     shape_error : array
         Share of a channel's root mean square that errors of the mode shapes may leave.
+    faults : tuple of AbstractSensorFault
+        What may be wrong with a sensor, in the order of its measurement chain.
     """
 
     omega2: Float[Array, " kept"]
@@ -136,6 +139,7 @@ class Predictor(eqx.Module):
     uncertain: Float[Array, "2 modes"]
     shape_error: Array
     kinds: tuple[ForceKind, ...] = eqx.field(static=True)
+    faults: tuple[AbstractSensorFault, ...] = eqx.field(static=True)
     quantity: Quantity = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
 
@@ -179,7 +183,7 @@ class Predictor(eqx.Module):
         """No suspects in so many slots."""
         modes, sensors = self.joints.shape[1], self.sensors.shape[0]
         row, force = np.zeros((slots, modes)), np.zeros((slots, len(self.kinds)))
-        chain, logarithmic = np.zeros((slots, 3, sensors)), np.zeros(slots)
+        chain, logarithmic = np.zeros((slots, len(self.faults), sensors)), np.zeros(slots)
         return Suspects(*jax.device_put((row, force, chain, logarithmic)))
 
     def pushed(
@@ -286,7 +290,8 @@ class Predictor(eqx.Module):
 
     def _shown(self, suspects: Suspects, sizes: np.ndarray) -> np.ndarray:
         """What the sensors see of the modes, their gains as they are."""
-        gains = 1.0 + np.einsum("s,sk->k", sizes, np.asarray(suspects.chain)[:, 0])
+        scale = [float(fault.scales) for fault in self.faults]
+        gains = 1.0 + np.einsum("s,sfk,f->k", sizes, np.asarray(suspects.chain), scale)
         return np.asarray(self.sensors) * gains[:, None]
 
 
@@ -299,6 +304,7 @@ def predictor(
     kinds: tuple[ForceKind, ...],
     substeps: int,
     trust: LinearTrust | None = None,
+    faults: tuple[AbstractSensorFault, ...] = sensor_faults_of(FAULTS),
 ) -> tuple[Predictor, ModalCoordinates]:
     """The predictor of a structure, and the modes it is in.
 
@@ -318,6 +324,8 @@ def predictor(
         Steps between samples.
     trust : LinearTrust, optional
         How exact the linear model is; exact where it is not said.
+    faults : tuple of AbstractSensorFault
+        What may be wrong with a sensor.
     """
     modal = modal_coordinates(structure, inputs, sensors, None)
     omega2, C, Y = np.asarray(modal.omega2), np.asarray(modal.C), np.asarray(modal.Y)
@@ -342,6 +350,7 @@ def predictor(
         jax.device_put(_uncertain(trust, omega2[:kept], sampling_rate)),
         jax.device_put(np.asarray(0.0 if trust is None else trust.shapes)),
         kinds,
+        faults,
         quantity,
         substeps,
     )

@@ -10,7 +10,9 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from iwanjax.effects.faults import AbstractAddedFault, AbstractForceFault
 from iwanjax.effects.kinds import Kind
+from iwanjax.identification.conditioning import MeasuredForces
 from iwanjax.identification.joint_priors import Joint, parameters_of, tangents
 from iwanjax.identification.observer import observer_gain, process_noise, stepped
 from iwanjax.identification.parameter_map import ParameterMap
@@ -45,6 +47,9 @@ class Hypothesis:
         Joint whose strength changes between recordings.
     scales : tuple of float
         Units of the slots' sizes.
+    channels : tuple of int
+        Of each slot the input whose force is faulty, or the sensor that something is added to;
+        -1 without such a fault.
     """
 
     kinds: tuple[Kind, ...]
@@ -54,10 +59,26 @@ class Hypothesis:
     shapes: tuple[bool, ...] = (False,)
     drifting: int | None = None
     scales: tuple[float, ...] = (1.0,)
+    channels: tuple[int, ...] = (-1,)
+
+    @property
+    def of_forces(self) -> list[int]:
+        """Slots with a fault of a measured force."""
+        return [i for i, kind in enumerate(self.kinds) if isinstance(kind, AbstractForceFault)]
+
+    @property
+    def added(self) -> dict[int, AbstractAddedFault]:
+        """What is added to sensors, by slots."""
+        pairs = enumerate(self.kinds)
+        return {slot: kind for slot, kind in pairs if isinstance(kind, AbstractAddedFault)}
 
     def logarithmic(self, slot: int) -> bool:
         """Whether a slot's size is the exponential of its value in theta."""
         return bool(np.asarray(self.suspects.logarithmic)[slot] > 0)
+
+    def toward_none(self, slot: int) -> float:
+        """Sign of the change of a size's logarithm that leaves less of its suspect."""
+        return 1.0 if getattr(self.kinds[slot], "none_at_infinity", False) else -1.0
 
     def physical(self, theta: np.ndarray, at: ParameterMap, slot: int) -> tuple[float, float]:
         """Size and shape of a slot, of which the latter counts where the kind has one."""
@@ -120,6 +141,8 @@ class HistoryProblem:
         Places of the recordings in the study, by which a joint's drift is told.
     settings : HistorySettings
         Tuned numbers of all stages.
+    forces : MeasuredForces, optional
+        That act in the data; without them none can be faulty.
     compiled : set of (str, int, int)
         Kernels that there are already, for how many slots and samples.
     """
@@ -130,6 +153,7 @@ class HistoryProblem:
     noise: np.ndarray
     order: tuple[int, ...]
     settings: HistorySettings = field(default=HISTORIES, repr=False)
+    forces: MeasuredForces | None = field(default=None, repr=False)
     compiled: set[tuple[str, int, int]] = field(default_factory=set, repr=False)
     _process: dict[float, float] = field(default_factory=dict, repr=False)
 
@@ -166,12 +190,50 @@ class HistoryProblem:
             other.predictor,
             (self.predictor.joints, self.predictor.stiffness),
         )
-        return replace(self, predictor=predictor, data=other.data, compiled=set(), _process={})
+        return replace(
+            self,
+            predictor=predictor,
+            data=other.data,
+            forces=other.forces,
+            compiled=set(),
+            _process={},
+        )
+
+    def data_with(self, hypothesis: Hypothesis, theta: np.ndarray) -> Data:
+        """The data with the forces that acted, where a hypothesis has faults of their channels.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            What is missing.
+        theta : (recordings, values) array
+            Sizes of faults are the same in all recordings.
+        """
+        if not hypothesis.of_forces:
+            return self.data
+        assert self.forces is not None
+        dt = float(self.predictor.dt) * self.predictor.substeps
+        acted = self.forces.clean.copy()
+        for slot in hypothesis.of_forces:
+            fault, which = hypothesis.kinds[slot], hypothesis.channels[slot]
+            assert isinstance(fault, AbstractForceFault)
+            size = hypothesis.physical(theta.mean(axis=0), self.map, slot)[0] / fault.unit(dt)
+            for force in acted:
+                force[:, which] = fault.acted(force[:, which], size)
+        more = self.forces.pushed(self.predictor, acted - self.forces.clean)
+        return self.data._replace(push=jax.device_put(np.asarray(self.data.push) + more))
 
     def nothing(self, slots: int = 1) -> Hypothesis:
         """The model as it is."""
         return Hypothesis(
-            (), (), self.empty(slots), (False,) * slots, (False,) * slots, None, (1.0,) * slots
+            (),
+            (),
+            self.empty(slots),
+            (False,) * slots,
+            (False,) * slots,
+            None,
+            (1.0,) * slots,
+            (-1,) * slots,
         )
 
     def empty(self, slots: int = 1) -> Suspects:
@@ -288,9 +350,8 @@ def _neighbours(
     ]
     for member, own in enumerate(suspects):
         sizes = [problem.map.size(slot) for slot in range(own.row.shape[0])]
-        active = np.any(np.asarray(own.force) != 0, axis=1) | np.any(
-            np.asarray(own.chain)[:, 0] != 0, axis=1
-        )
+        scaled = np.asarray(own.chain)[:, [fault.scales for fault in problem.predictor.faults]]
+        active = np.any(np.asarray(own.force) != 0, axis=1) | np.any(scaled != 0, axis=(1, 2))
         for value in [*stiff, *(i for i, on in zip(sizes, active, strict=True) if on)]:
             beside = theta[member].copy()
             beside[value] += DIFFERENCE

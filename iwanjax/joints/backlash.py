@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.force_law import PlaceMotion, Scales
+from iwanjax.joints.force_law import EffectName, PlaceMotion, Scales
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
 
@@ -38,6 +38,9 @@ class Backlash(AbstractStepped):
         ParameterInfo("F_S", "force", "slip force", lower=0.0, transform="log"),
         ParameterInfo("K_T", "force/length", "stiffness before slip", lower=0.0, transform="log"),
         ParameterInfo("gap", "length", "clearance", 0.0, closed="lower", transform="log"),
+    )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "backlash", "slider with a dead band", noun="a slider with a dead band"
     )
     rate_dependent: ClassVar[bool] = False
     tried: ClassVar[bool] = False

@@ -9,7 +9,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.force_law import NestedLaw, PlaceMotion, Scales, stiffness_alone
+from iwanjax.joints.force_law import (
+    EffectName,
+    NestedLaw,
+    PlaceMotion,
+    Scales,
+    stiffness_alone,
+)
 from iwanjax.joints.springs import LinearSpring
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
@@ -52,6 +58,9 @@ class BoucWen(AbstractStepped):
         ParameterInfo("F_S", "force", "force it tends to", lower=0.0, transform="log"),
         ParameterInfo("K_T", "force/length", "stiffness at rest", lower=0.0, transform="log"),
         ParameterInfo("n", "1", "how suddenly it yields", 1.0, closed="lower", transform="log"),
+    )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "bouc_wen", "hysteresis of other shape than Iwan's", noun="a Bouc-Wen element"
     )
     rate_dependent: ClassVar[bool] = False
     tried: ClassVar[bool] = False

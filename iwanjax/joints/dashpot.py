@@ -44,6 +44,7 @@ class Dashpot(AbstractForceLaw):
         "viscous_damping",
         "unmodelled linear damper",
         "damping that is off at every amplitude",
+        "a viscous damper",
     )
     either_sign: ClassVar[bool] = True
     linear: ClassVar[bool] = True

@@ -48,6 +48,7 @@ class QuadraticDrag(AbstractForceLaw):
         "quadratic_damping",
         "drag",
         "damping that grows in proportion to amplitude",
+        "quadratic damping (drag)",
     )
     either_sign: ClassVar[bool] = True
     # Of the deflection its force is none at all.

@@ -59,11 +59,15 @@ class EffectName(NamedTuple):
         What the field calls it.
     signs : str
         What betrays it, in words.
+    noun : str
+        With its article, as a verdict has it: "A cubic spring is missing between m5 and m6". What
+        the field calls it where there is none.
     """
 
     name: str
     usual: str
     signs: str = ""
+    noun: str = ""
 
 
 class Variant(NamedTuple):

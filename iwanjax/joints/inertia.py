@@ -33,6 +33,7 @@ class Inertia(AbstractStepped):
         "mass_error",
         "unmodelled mass (sensor, cable, fixture)",
         "frequencies that are off at every amplitude, the higher the more",
+        "a mass",
     )
     either_sign: ClassVar[bool] = True
     # Of the deflection its force is none at all.

@@ -52,6 +52,7 @@ class Jenkins(AbstractForceLaw):
         "coulomb_friction",
         "dry friction at a support or seal",
         "damping that falls with amplitude once it slips, stiffness at small amplitude",
+        "dry friction",
     )
 
     F_S: Array = eqx.field(converter=named("F_S"))

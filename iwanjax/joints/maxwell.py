@@ -69,6 +69,7 @@ class Maxwell(AbstractForceLaw):
         "viscoelastic",
         "elastomer, bungee, seal",
         "damping and stiffness that depend on frequency, not on amplitude",
+        "a viscoelastic element (Maxwell)",
     )
     # Of the deflection at rest its force is none at all.
     linear: ClassVar[bool] = True

@@ -80,6 +80,7 @@ class LinearSpring(AbstractSpring):
         "stiffness_error",
         "wrong or missing linear stiffness, boundary",
         "a frequency that is off at every amplitude",
+        "a linear spring",
     )
     either_sign: ClassVar[bool] = True
     linear: ClassVar[bool] = True
@@ -132,6 +133,7 @@ class QuadraticSpring(AbstractSpring):
         "quadratic_stiffness",
         "asymmetric elastic force, curvature",
         "an offset and second harmonics that grow with amplitude",
+        "a quadratic spring",
     )
 
     k2: Array = eqx.field(converter=named("k2"))
@@ -178,6 +180,7 @@ class CubicSpring(AbstractSpring):
         "cubic_stiffness",
         "hardening or softening, geometric",
         "a frequency that changes with the square of the amplitude; third harmonics",
+        "a cubic spring",
     )
 
     k3: Array = eqx.field(converter=named("k3"))
@@ -227,6 +230,7 @@ class BilinearSpring(AbstractSpring):
         "bilinear_stiffness",
         "opening and closing contact, preload loss in a joint",
         "an offset and even harmonics that keep their share at every amplitude",
+        "a bilinear spring",
     )
 
     dk: Array = eqx.field(converter=named("dk"))
@@ -285,6 +289,7 @@ class Gap(AbstractSpring):
         "gap_contact",
         "clearance, stop, bolt-shank pinning",
         "a frequency that rises suddenly above some amplitude",
+        "a gap",
     )
     variants: ClassVar[tuple[Variant, ...]] = (
         Variant("", (("sides", "both"),)),

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.force_law import NestedLaw, Scales, stiffness_alone
+from iwanjax.joints.force_law import EffectName, NestedLaw, Scales, stiffness_alone
 from iwanjax.joints.springs import AbstractSpring, LinearSpring
 from iwanjax.types import ArrayLike, real
 
@@ -28,6 +28,9 @@ class TanhSpring(AbstractSpring):
     parameters: ClassVar[tuple[ParameterInfo, ...]] = (
         ParameterInfo("k", "force/length", "stiffness at rest", lower=0.0, transform="log"),
         ParameterInfo("width", "length", "largest force over k", lower=0.0, transform="log"),
+    )
+    effect: ClassVar[EffectName | None] = EffectName(
+        "tanh_spring", "softening spring", noun="a softening spring"
     )
     tried: ClassVar[bool] = False
 

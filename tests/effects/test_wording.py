@@ -18,6 +18,8 @@ from iwanjax.joints import Dashpot, ParameterInfo
         ("gap_contact", "m1-ground", "A gap is missing between m1 and ground"),
         ("iwan_joint", "opening3", "A joint is missing at opening3"),
         ("sensor_delay", "a1", "Sensor a1 is late"),
+        ("force_gain", "m1", "The force at m1 has a wrong gain"),
+        ("tanh_spring", "m1-m2", "A softening spring is missing between m1 and m2"),
         ("joint_drift", "J1", "Joint J1 changes from recording to recording"),
     ],
 )

@@ -12,11 +12,11 @@ import scipy.linalg
 import iwanjax as ij
 from iwanjax.discrepancy import CATALOGUE
 from iwanjax.dynamics.parabolic_hold import hold
+from iwanjax.effects.sensor_delay import DELAY, DELAY_NODES
 from iwanjax.identification import columns as trials
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import columns_at_rest
 from iwanjax.identification.conditioning import conditioned
-from iwanjax.identification.innovations import DELAY_NODES, chain, change_by_delay
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.linearise import innovations, linearise, residuals_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
@@ -299,7 +299,8 @@ def test_a_pair_is_taken_apart_into_what_it_was_joined_of():
 def test_a_small_delay_shows_what_was_a_little_earlier(f, off):
     t = np.arange(400) / 400.0
     shown = np.sin(2.0 * np.pi * f * t)[None, :, None] * np.ones((2, 1, 3))
-    slope = change_by_delay(shown)
+    slope = DELAY.slope(shown)
+    assert slope is not None
     expected = -2.0 * np.pi * f / 400.0 * np.cos(2.0 * np.pi * f * t)
     late = slope[1, DELAY_NODES:, 2] - expected[DELAY_NODES:]
     assert np.max(np.abs(late)) < off * np.max(np.abs(expected))
@@ -308,10 +309,7 @@ def test_a_small_delay_shows_what_was_a_little_earlier(f, off):
 @pytest.mark.parametrize("late", [0.0, 0.3, 1.25, 2.0, 3.9])
 @pytest.mark.parametrize(("share", "off"), [(0.05, 2e-4), (0.15, 3e-3), (0.25, 1e-2), (0.3, 0.03)])
 def test_a_delayed_sensor_shows_all_that_is_compared_later(late, share, off):
-    made, _ = problem(np.ones((N, 2)), 2)
-    kind = CATALOGUE["sensor_delay"][0]
-    suspects = hypotheses.sensor(made, kind, 1, "a2", np.zeros(4), 1.0).hypothesis.suspects
-    weight, _ = chain(suspects, jnp.array([late]), jnp.ones(1))
+    weight = DELAY.set_up(jnp.array([0.0, late]))
     phases = np.exp(-2j * np.pi * share * np.arange(DELAY_NODES))
     assert abs(np.asarray(weight)[:, 0] @ phases - 1.0) < 1e-12
     assert abs(np.asarray(weight)[:, 1] @ phases - np.exp(-2j * np.pi * share * late)) < off

@@ -24,7 +24,7 @@ from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
 from iwanjax.discrepancy.judgement import Misfit, judged
-from iwanjax.effects.catalogue import kinds_of
+from iwanjax.effects.catalogue import kinds_of, sensor_faults_of
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.errors import InputError, attempted
 from iwanjax.estimation.evidence import LEAST_GAIN
@@ -137,6 +137,7 @@ def diagnose_histories(
         quantity,
         forces,
         trust=trust,
+        faults=sensor_faults_of(kinds),
     )
     resolution = StepRefinement(predictor_of, joints, recordings, deviations, numbers)
     now = resolution.of_model()
@@ -149,6 +150,7 @@ def diagnose_histories(
         tuple(structure.labels),
         lambda: time.perf_counter() - started < budget,
         progress,
+        tuple(inputs),
     )
     table = selection.run(now.problem, scope, seed)
     failures: list[str] = []

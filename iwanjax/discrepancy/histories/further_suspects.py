@@ -19,7 +19,8 @@ from iwanjax.discrepancy.histories.ranking import (
     scored,
 )
 from iwanjax.discrepancy.histories.score_test import Candidate
-from iwanjax.effects.kinds import ForceKind, SensorKind
+from iwanjax.effects.faults import AbstractFault
+from iwanjax.effects.kinds import ForceKind
 from iwanjax.estimation.multistart import alike
 from iwanjax.identification.columns import unit_effects
 from iwanjax.identification.likelihood import evidence, left_by_noise
@@ -121,7 +122,7 @@ def _known(fitted: HypothesisFit, shorts: Sequence[RankedFit]) -> bool:
 
 
 def _sizes(
-    problem: HistoryProblem, kind: ForceKind | SensorKind, place: Place, largest: float
+    problem: HistoryProblem, kind: ForceKind | AbstractFault, place: Place, largest: float
 ) -> list[float]:
     """Sizes whose largest forces are shares of what the place withstands where it went to."""
     predictor, kept = problem.predictor, problem.predictor.kept

@@ -18,7 +18,8 @@ from iwanjax.discrepancy.histories.ranking import (
     refitted,
     tolerance_of,
 )
-from iwanjax.effects.kinds import ForceKind, JointKind, Kind, SensorKind
+from iwanjax.effects.faults import AbstractForceFault, AbstractSensorFault
+from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.effects.nested import Nested
 from iwanjax.identification import hypotheses
 from iwanjax.identification.joint_priors import joints_of
@@ -110,9 +111,11 @@ def _starts(
 ) -> list[Start]:
     """Where to begin with a limit alone, the joints at z."""
     where = entry.fitted.hypothesis.where[slot]
-    if isinstance(limit, SensorKind):
+    if isinstance(limit, AbstractSensorFault):
         which = scope.sensors.index(where)
         return [hypotheses.sensor(own, limit, which, where, z, 0.0)]
+    if isinstance(limit, AbstractForceFault):
+        return [hypotheses.channel(own, limit, scope.inputs.index(where), where, z, 0.0)]
     if isinstance(limit, ForceKind):
         row = next(place.row for place in scope.places if place.label == where)
         found = nested.narrowed(_values(entry, slot))
@@ -312,16 +315,12 @@ def _parameters(
     None for a size of a sign that the kind cannot have.
     """
     size, shape = slots[_SLOTS.slot(slot)]
-    logarithmic, kind = hypothesis.logarithmic(slot), hypothesis.kinds[slot]
-    limit = isinstance(kind, SensorKind) and kind.acts == "limit"
+    logarithmic = hypothesis.logarithmic(slot)
     if values is None:
-        if limit:
-            return size, shape - math.log(share)
-        return (size + math.log(share) if logarithmic else share * size), shape
+        away = hypothesis.toward_none(slot) * math.log(1.0 / share)
+        return (size + away if logarithmic else share * size), shape
     if hypothesis.shapes[slot]:
         shape = math.log(values[-1])
-    if limit:
-        return size, shape
     value = values[0] / hypothesis.scales[slot]
     if logarithmic and value <= 0.0:
         return None

@@ -37,6 +37,8 @@ class Scope:
         False when it is time to stop.
     progress : function
         Told of every stage.
+    inputs : tuple of str
+        Labels of the measured forces.
     """
 
     kinds: tuple[Kind, ...]
@@ -45,6 +47,7 @@ class Scope:
     joints: tuple[str, ...]
     in_time: Callable[[], bool]
     progress: Callable[[str], None]
+    inputs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,7 @@ class RankedFit:
 def scored(problem: HistoryProblem, base: HypothesisFit, scope: Scope) -> list[Candidate]:
     """All that may be suspected beside a fit, the most promising first."""
     known = (scope.kinds, scope.places, scope.sensors, scope.joints)
-    return score_test(problem, base, *known, scope.in_time)
+    return score_test(problem, base, *known, scope.in_time, scope.inputs)
 
 
 def settled(problem: HistoryProblem, fitted: HypothesisFit, scope: Scope) -> HypothesisFit:

@@ -140,7 +140,8 @@ def _run(
     gain = problem.gains([suspects], mean, memory, slopes=False).gain[0]
     varied = jax.device_put((fit.theta, gain))
     # A kernel that was kept gives a plain tuple.
-    whole = AtSamples(*observed(predictor, problem.joints, suspects, *varied, problem.data))
+    data = problem.data_with(fit.hypothesis, fit.theta)
+    whole = AtSamples(*observed(predictor, problem.joints, suspects, *varied, data))
     d, v, a, force = (np.asarray(x) for x in whole[1:])
     on = np.asarray(problem.data.weight)[..., 0] > 0
     if recording is None:

@@ -6,16 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.effects.kinds import JointKind, Kind, SensorKind
+from iwanjax.effects.catalogue import sensor_faults_of
+from iwanjax.effects.faults import AbstractAddedFault, AbstractForceFault
+from iwanjax.effects.kinds import JointKind, Kind
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import (
     UnitEffect,
     columns,
     columns_at_rest,
+    force_faults,
     sensor_faults,
     unit_effects,
 )
-from iwanjax.identification.linearise import linearise, residuals_at
+from iwanjax.identification.linearise import innovations, linearise, residuals_at
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import (
@@ -52,6 +55,7 @@ def score_test(
     sensors: Sequence[str],
     joints: Sequence[str],
     in_time: Callable[[], bool] = lambda: True,
+    inputs: Sequence[str] = (),
 ) -> list[Candidate]:
     r"""Score every kind at every place by what it would take off the residual.
 
@@ -71,7 +75,7 @@ def score_test(
         To be tried.
     places : sequence of Place
         Where forces may act.
-    sensors, joints : sequence of str
+    sensors, joints, inputs : sequence of str
         Labels.
     in_time : function
         False when it is time to stop.
@@ -116,16 +120,17 @@ def score_test(
 
     if not in_time():
         return []
-    forces, of_sensors = (
-        unit_effects(problem, base, kinds, places),
-        sensor_faults(problem, kinds, sensors, z),
-    )
-    for unit, size, drop in _judged(problem, base, forces, of_sensors, rated, in_time):
+    forces = unit_effects(problem, base, kinds, places)
+    of_channels = [
+        *sensor_faults(problem, kinds, sensors, z),
+        *force_faults(problem, kinds, inputs, z),
+    ]
+    for unit, size, drop in _judged(problem, base, forces, of_channels, rated, in_time):
         if size != 0 and not (unit.kind.positive and size < 0):
             propose(unit.kind, unit.where, drop, partial(unit.sized, size))
     if not in_time():
         return []
-    ready = _limits(problem, base, others, kinds, sensors, z)
+    ready = _as_they_are(problem, base, others, kinds, sensors, inputs, z)
     if base.hypothesis.drifting is None:
         ready += _drifts(problem, kinds, joints, known, explained, whole, total, z)
     for start, drop in ready:
@@ -141,7 +146,7 @@ def _judged(
     problem: HistoryProblem,
     base: HypothesisFit,
     forces: Sequence[UnitEffect],
-    of_sensors: Sequence[UnitEffect],
+    of_channels: Sequence[UnitEffect],
     rated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     in_time: Callable[[], bool],
 ) -> Iterator[tuple[UnitEffect, float, float]]:
@@ -153,11 +158,11 @@ def _judged(
     if not in_time():
         return
     best = np.argsort(-found[1], kind="stable")[:most]
-    moving = columns(problem, base, [*(forces[i] for i in best), *of_sensors])
+    moving = columns(problem, base, [*(forces[i] for i in best), *of_channels])
     exact = np.array(rated(moving))
     found[:, best] = exact[:, : len(best)]
     found = np.hstack([found, exact[:, len(best) :]])
-    for unit, (size, drop) in zip([*forces, *of_sensors], found.T.tolist(), strict=True):
+    for unit, (size, drop) in zip([*forces, *of_channels], found.T.tolist(), strict=True):
         yield unit, size, drop
 
 
@@ -207,26 +212,45 @@ def _drifts(
     return found
 
 
-def _limits(
+def _as_they_are(
     problem: HistoryProblem,
     base: HypothesisFit,
     others: Sequence[Start],
     kinds: Sequence[Kind],
     sensors: Sequence[str],
+    inputs: Sequence[str],
     z: np.ndarray,
 ) -> list[tuple[Start, float]]:
     """Drops of faults that are tried as they are, beside the others: limits and wrong signs."""
     largest = np.max(np.abs(np.asarray(problem.data.response)), axis=(0, 1))
-    starts = []
-    for kind in kinds:
-        if not isinstance(kind, SensorKind):
-            continue
-        for i, label in enumerate(sensors):
-            if kind.acts == "limit":
-                limit = problem.settings.selection.cut * float(largest[i])
-                starts.append(hypotheses.sensor(problem, kind, i, label, z, limit))
-            elif kind.fixed is not None:
-                starts.append(hypotheses.sensor(problem, kind, i, label, z, 0.0))
+    largest *= problem.settings.selection.cut
+    starts = [
+        hypotheses.sensor(problem, kind, i, label, z, size)
+        for kind in sensor_faults_of(kinds)
+        for i, label in enumerate(sensors)
+        for size in kind.tried(float(largest[i]))
+    ]
+    if problem.forces is not None:
+        peaks = np.max(np.abs(problem.forces.clean), axis=(0, 1))
+        starts += [
+            hypotheses.channel(problem, kind, i, label, z, size)
+            for kind in kinds
+            if isinstance(kind, AbstractForceFault)
+            for i, label in enumerate(inputs)
+            if peaks[i] > 0.0
+            for size in kind.tried(float(peaks[i]))
+        ]
+    added = [kind for kind in kinds if isinstance(kind, AbstractAddedFault)]
+    if added:
+        left = innovations(problem, base.hypothesis, base.theta, base.time_constant)
+        left = np.where(np.asarray(problem.data.weight) > 0, left, 0.0)
+        dt = float(problem.predictor.dt) * problem.predictor.substeps
+        starts += [
+            hypotheses.added(problem, tuned, i, label, z)
+            for kind in added
+            for i, label in enumerate(sensors)
+            if (tuned := kind.tuned(left[..., i], dt)) is not None
+        ]
     if not starts:
         return []
     states = base.theta[:, base.values :]

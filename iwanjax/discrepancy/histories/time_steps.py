@@ -249,7 +249,8 @@ class StepRefinement:
         sides = StudyData.of(self.recordings, by, modal, self.noise, self.settings.conditioning)
         noise = np.median(sides.fitted.noise, axis=0)
         data = sides.fitted.data
-        problem = HistoryProblem(by, self.joints, data, noise, sides.order, self.settings)
+        forces = sides.fitted.forces
+        problem = HistoryProblem(by, self.joints, data, noise, sides.order, self.settings, forces)
         return Refined(sides, problem, modal)
 
 

@@ -156,7 +156,7 @@ def _free(
     those: ConditionedRecordings,
     places: Sequence[int],
 ) -> FreeRun:
-    here = replace(problem, data=those.data)
+    here = replace(problem, data=those.data, forces=those.forces)
     count = len(those.names)
     theta = _expected(problem, fitted, places)
     R = problem.recordings

@@ -13,8 +13,10 @@ from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
 from iwanjax.effects.catalogue import kinds_of
-from iwanjax.effects.kinds import ForceKind, JointKind, Kind, SensorKind
-from iwanjax.effects.nested import TURNED, Nested
+from iwanjax.effects.faults import AbstractSensorFault
+from iwanjax.effects.kinds import ForceKind, JointKind, Kind
+from iwanjax.effects.nested import Nested
+from iwanjax.effects.sensor_gain import TURNED
 from iwanjax.identification.hypotheses import (
     JointStart,
     force,
@@ -67,7 +69,7 @@ def test_a_law_is_found_again_where_it_was_begun_from(
 ):
     simpler = KINDS[nested.name]
     values = (size, shape) if getattr(simpler, "shape", None) else (size,)
-    if isinstance(simpler, SensorKind):
+    if isinstance(simpler, AbstractSensorFault):
         values = (TURNED,)
     there = nested.widened(values, Scales(deflection, period), share)
     back = nested.narrowed(there)
@@ -77,7 +79,7 @@ def test_a_law_is_found_again_where_it_was_begun_from(
 @pytest.fixture(scope="module")
 def searched():
     """A mass that a spring is missing from, with all that may be missing instead."""
-    names = (*NAMES, *(kind.name for kind in kinds_of() if isinstance(kind, SensorKind)))
+    names = (*NAMES, *(kind.name for kind in kinds_of() if isinstance(kind, AbstractSensorFault)))
     return searching(struck(lambda d: 8e3 * d), names=tuple(dict.fromkeys(names)))
 
 
@@ -99,7 +101,7 @@ def begun(searched, *names: str) -> RankedFit:
         if isinstance(kind, ForceKind):
             law = sizes.get(name, 5e3), shapes.get(name, 3e-4)
             starts.append(force(problem, kind, "J1", np.asarray(place.row), Z, *law))
-        elif isinstance(kind, SensorKind):
+        elif isinstance(kind, AbstractSensorFault):
             size = shapes.get(name, 0.1)
             starts.append(sensor(problem, kind, 0, "a1", Z, size))
     beside = starts[0] if starts else None
