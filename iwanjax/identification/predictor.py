@@ -62,6 +62,29 @@ def sizes_of(suspects: Suspects, values: Array) -> Array:
     return jnp.where(suspects.logarithmic > 0, jnp.exp(jnp.minimum(size, 50.0)), size)
 
 
+class Ground(NamedTuple):
+    r"""What the motion of the ground, an input of its own, carries along.
+
+    With r the motion of all coordinates when the ground moves by 1 and nothing deforms, an
+    acceleration a of the ground acts as the force -M r a on the motion relative to it; sensors of
+    acceleration, and whatever has inertia, follow the absolute one, r a more. Chopra, Dynamics of
+    Structures (2017), Sec. 9.4.
+
+    Attributes
+    ----------
+    inputs : (inputs, base) array
+        1 at the input that is the acceleration of the ground; no column where there is none.
+    modes : (modes, base) array
+        r on all modes.
+    sensors : (sensors, base) array
+        What the sensors see of r.
+    """
+
+    inputs: Float[Array, "inputs base"]
+    modes: Float[Array, "modes base"]
+    sensors: Float[Array, "sensors base"]
+
+
 Quantity = Literal["acceleration", "velocity", "displacement"]
 """What the sensors measure."""
 
@@ -76,7 +99,7 @@ class Data(NamedTuple):
     ----------
     push : (recordings, N, substeps, states) array
         What the forces do over each step that leads to a sample: to q, to v, their modal
-        forces at its end, and those of the modes left out.
+        forces at its end, those of the modes left out, and the acceleration of the ground.
     response : (recordings, N, sensors) array
         As measured.
     weight : (recordings, N, sensors) array
@@ -93,6 +116,25 @@ class Data(NamedTuple):
     weight: Float[Array, "recordings N sensors"]
     kick: Float[Array, "recordings N"]
     unsure: Float[Array, "recordings states directions"]
+
+
+class Pushed(NamedTuple):
+    """Parts of a push of :class:`Data`, each with its leading axes.
+
+    Attributes
+    ----------
+    state : (..., 2 kept) array
+        What it does to q and v over a step.
+    modal, left : (..., kept), (..., modes - kept) array
+        Modal forces at the end of the step.
+    ground : (..., base) array
+        Acceleration of the ground then.
+    """
+
+    state: Any
+    modal: Any
+    left: Any
+    ground: Any
 
 
 class Predictor(eqx.Module):
@@ -123,6 +165,8 @@ class Predictor(eqx.Module):
         how far the linear model is trusted. No column where it is taken to be exact.
     shape_error : array
         Share of a channel's root mean square that errors of the mode shapes may leave.
+    ground : Ground
+        What moves with the ground.
     """
 
     omega2: Float[Array, " kept"]
@@ -135,6 +179,7 @@ class Predictor(eqx.Module):
     dt: Array
     uncertain: Float[Array, "2 modes"]
     shape_error: Array
+    ground: Ground
     kinds: tuple[ForceKind, ...] = eqx.field(static=True)
     quantity: Quantity = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
@@ -194,8 +239,40 @@ class Predictor(eqx.Module):
             sum(jnp.outer(c, on(b, kept)) for c, b in zip(through, each, strict=True))
             for each in (self.by.q_by, self.by.v_by)
         )
-        made = jnp.concatenate([q, v, jnp.outer(now, kept), jnp.outer(now, left)], axis=1)
+        still = jnp.zeros((now.size, self.ground.modes.shape[1]))
+        made = jnp.concatenate([q, v, jnp.outer(now, kept), jnp.outer(now, left), still], axis=1)
         return made.reshape(-1, self.substeps, made.shape[1])
+
+    def parts(self, push: Array | np.ndarray) -> "Pushed":
+        """What a push of the data consists of."""
+        r, left = self.kept, self.left.shape[0]
+        return Pushed(
+            push[..., : 2 * r],
+            push[..., 2 * r : 3 * r],
+            push[..., 3 * r : 3 * r + left],
+            push[..., 3 * r + left :],
+        )
+
+    def at_once(self, push: Array | np.ndarray, xp: Any = np) -> Array:
+        """What the sensors show of the forces at the end of a step before anything moves.
+
+        Parameters
+        ----------
+        push : (..., states) array
+            As in :class:`Data`.
+        xp : module
+            ``jax.numpy`` within a kernel.
+
+        Returns
+        -------
+        (..., sensors) array
+            Zero but for accelerations.
+        """
+        if self.quantity != "acceleration":
+            return xp.zeros((*push.shape[:-1], self.sensors.shape[0]))
+        made = self.parts(push)
+        carried = made.ground @ xp.asarray(self.ground.sensors).T
+        return made.modal @ xp.asarray(self.sensors).T + carried
 
     def observation(self, rows: Array, late: Array) -> Array:
         """What sensors see of modes, forces, and how far the last forces were off."""
@@ -299,6 +376,7 @@ def predictor(
     kinds: tuple[ForceKind, ...],
     substeps: int,
     trust: LinearTrust | None = None,
+    base: int | None = None,
 ) -> tuple[Predictor, ModalCoordinates]:
     """The predictor of a structure, and the modes it is in.
 
@@ -318,6 +396,8 @@ def predictor(
         Steps between samples.
     trust : LinearTrust, optional
         How exact the linear model is; exact where it is not said.
+    base : int, optional
+        Which input is the acceleration of the ground; its row is -M r.
     """
     modal = modal_coordinates(structure, inputs, sensors, None)
     omega2, C, Y = np.asarray(modal.omega2), np.asarray(modal.C), np.asarray(modal.Y)
@@ -341,11 +421,20 @@ def predictor(
         jax.device_put(np.asarray(dt)),
         jax.device_put(_uncertain(trust, omega2[:kept], sampling_rate)),
         jax.device_put(np.asarray(0.0 if trust is None else trust.shapes)),
+        _ground(modal, [] if base is None else [base]),
         kinds,
         quantity,
         substeps,
     )
     return made, modal
+
+
+def _ground(modal: ModalCoordinates, base: list[int]) -> Ground:
+    """The rigid motion of all modes by the force that it makes of the ground's acceleration."""
+    W = np.asarray(modal.W)
+    motion = -W[:, base]
+    whole = np.eye(W.shape[1])[:, base], motion, np.asarray(modal.Y) @ motion
+    return Ground(*jax.device_put(whole))
 
 
 def _uncertain(

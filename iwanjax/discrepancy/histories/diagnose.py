@@ -38,6 +38,7 @@ from iwanjax.identification.recordings import StudyRecording, common_noise
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
+from iwanjax.structures.model_file import BASE
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
@@ -84,9 +85,12 @@ def diagnose_histories(
     sensors : mapping of str to (n,) array_like
         What the sensors see, in the order of the responses' columns.
     inputs : mapping of str to (n,) array_like
-        Where forces act, in the order of the forces' columns.
+        Where forces act, in the order of the forces' columns. One called ``base`` is the
+        acceleration of the ground: with r the motion of the coordinates when the ground moves by
+        1 and nothing deforms, its row is -M r.
     quantity : {"acceleration", "velocity", "displacement"}
-        What they measure.
+        What the sensors measure: absolute accelerations, displacements and velocities relative
+        to the ground.
     hypotheses : tuple of str
         Kinds to try; all of the catalogue by default.
     noise : mapping of str to float, optional
@@ -137,6 +141,7 @@ def diagnose_histories(
         quantity,
         forces,
         trust=trust,
+        base=list(inputs).index(BASE) if BASE in inputs else None,
     )
     resolution = StepRefinement(predictor_of, joints, recordings, deviations, numbers)
     now = resolution.of_model()
