@@ -12,6 +12,7 @@ from iwanjax.dynamics.coordinates import ModalCoordinates, modal_coordinates
 from iwanjax.dynamics.parabolic_hold import MOST, Hold, hold, on
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.errors import InputError
+from iwanjax.identification.ground import Ground, Pushed, ground_of
 from iwanjax.signals.comparison_band import END
 from iwanjax.structures import JointedStructure, LinearTrust
 
@@ -62,29 +63,6 @@ def sizes_of(suspects: Suspects, values: Array) -> Array:
     return jnp.where(suspects.logarithmic > 0, jnp.exp(jnp.minimum(size, 50.0)), size)
 
 
-class Ground(NamedTuple):
-    r"""What the motion of the ground, an input of its own, carries along.
-
-    With r the motion of all coordinates when the ground moves by 1 and nothing deforms, an
-    acceleration a of the ground acts as the force -M r a on the motion relative to it; sensors of
-    acceleration, and whatever has inertia, follow the absolute one, r a more. Chopra, Dynamics of
-    Structures (2017), Sec. 9.4.
-
-    Attributes
-    ----------
-    inputs : (inputs, base) array
-        1 at the input that is the acceleration of the ground; no column where there is none.
-    modes : (modes, base) array
-        r on all modes.
-    sensors : (sensors, base) array
-        What the sensors see of r.
-    """
-
-    inputs: Float[Array, "inputs base"]
-    modes: Float[Array, "modes base"]
-    sensors: Float[Array, "sensors base"]
-
-
 Quantity = Literal["acceleration", "velocity", "displacement"]
 """What the sensors measure."""
 
@@ -116,25 +94,6 @@ class Data(NamedTuple):
     weight: Float[Array, "recordings N sensors"]
     kick: Float[Array, "recordings N"]
     unsure: Float[Array, "recordings states directions"]
-
-
-class Pushed(NamedTuple):
-    """Parts of a push of :class:`Data`, each with its leading axes.
-
-    Attributes
-    ----------
-    state : (..., 2 kept) array
-        What it does to q and v over a step.
-    modal, left : (..., kept), (..., modes - kept) array
-        Modal forces at the end of the step.
-    ground : (..., base) array
-        Acceleration of the ground then.
-    """
-
-    state: Any
-    modal: Any
-    left: Any
-    ground: Any
 
 
 class Predictor(eqx.Module):
@@ -243,7 +202,7 @@ class Predictor(eqx.Module):
         made = jnp.concatenate([q, v, jnp.outer(now, kept), jnp.outer(now, left), still], axis=1)
         return made.reshape(-1, self.substeps, made.shape[1])
 
-    def parts(self, push: Array | np.ndarray) -> "Pushed":
+    def parts(self, push: Array | np.ndarray) -> Pushed:
         """What a push of the data consists of."""
         r, left = self.kept, self.left.shape[0]
         return Pushed(
@@ -421,20 +380,12 @@ def predictor(
         jax.device_put(np.asarray(dt)),
         jax.device_put(_uncertain(trust, omega2[:kept], sampling_rate)),
         jax.device_put(np.asarray(0.0 if trust is None else trust.shapes)),
-        _ground(modal, [] if base is None else [base]),
+        ground_of(modal, base),
         kinds,
         quantity,
         substeps,
     )
     return made, modal
-
-
-def _ground(modal: ModalCoordinates, base: list[int]) -> Ground:
-    """The rigid motion of all modes by the force that it makes of the ground's acceleration."""
-    W = np.asarray(modal.W)
-    motion = -W[:, base]
-    whole = np.eye(W.shape[1])[:, base], motion, np.asarray(modal.Y) @ motion
-    return Ground(*jax.device_put(whole))
 
 
 def _uncertain(

@@ -45,6 +45,7 @@ def driven(level, seed):
     ).y
     response = np.array([masses(z) for z in found.T])
     response += 2e-3 * np.std(response) * random.standard_normal(response.shape)
+    response[:, 0] += 0.03 * np.std(response)
     return response, np.array([[shaken(t)] for t in T])
 
 
@@ -114,4 +115,5 @@ def test_a_spring_is_found_on_a_shaken_ground(tmp_path):
     verdict = study(tmp_path, recordings=entries, hypotheses=names).diagnose()["shaken"]
     assert (verdict.what[0].kind.name, verdict.what[0].where) == ("cubic_stiffness", "m2-ground")
     assert verdict.what[0].parameters[0].value == pytest.approx(CUBIC, rel=0.05)
+    assert any("offsets were taken off: a1 +" in line for line in verdict.warnings)
     assert verdict.after.hold_out < 1.5 * verdict.noise_floor.hold_out

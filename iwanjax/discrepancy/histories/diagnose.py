@@ -32,6 +32,7 @@ from iwanjax.identification.conditioning import require_usable
 from iwanjax.identification.estimates import estimates
 from iwanjax.identification.initial_state import initial_state, unsteady
 from iwanjax.identification.joint_priors import Joint
+from iwanjax.identification.offsets import without_offsets
 from iwanjax.identification.places import followed, places_of
 from iwanjax.identification.predictor import Quantity, predictor
 from iwanjax.identification.recordings import StudyRecording, common_noise
@@ -67,7 +68,8 @@ def diagnose_histories(
     several starts, with a memory of two, then eight cycles. Then every kind at every place is
     judged at size zero by what it would take off the residual beyond what the joints can; the
     best are refitted with the joints, and the best of these with longer and longer memory up to
-    the free run. A free decay's state at its beginning is estimated with everything else. Where
+    the free run. A free decay's state at its beginning is estimated with everything else. Constant
+    offsets of channels are taken off first (:mod:`iwanjax.identification.offsets`). Where
     the residual stays above the noise a second suspect is looked for beside
     the first; where nothing shows with a memory of eight cycles but in the free run, as with a
     joint that drifts, suspects are looked for there.
@@ -127,6 +129,10 @@ def diagnose_histories(
     _check(recordings, len(rows_in), len(rows_out))
     for each in recordings:
         require_usable(each)
+    rigid = len(structure.basis.omega2) < structure.structure.size
+    recordings, taken_off = without_offsets(
+        recordings, list(sensors), list(inputs), quantity, rigid
+    )
     recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
     deviations = np.where(np.isnan(given), common_noise(recordings, numbers.conditioning), given)
@@ -216,7 +222,7 @@ def diagnose_histories(
         None,
         failures,
     )
-    warnings = [*sides.fitted.warnings, *sides.warnings()]
+    warnings = [*sides.fitted.warnings, *sides.warnings(), *taken_off]
     warnings += filter(None, map(unsteady, recordings))
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
