@@ -15,7 +15,9 @@ from iwanjax.joints.force_law import AbstractForceLaw
 def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[Kind, ...]:
     """The kind that a law is, each of its variants."""
     name, usual, signs = law.effect or (registered, described(law).partition(":")[0], "")
-    return tuple(ForceKind(name, usual, law, signs, v.held, v.words) for v in law.variants)
+    return tuple(
+        ForceKind(name, usual, law, signs, v.held, v.words, v.within) for v in law.variants
+    )
 
 
 CATALOGUE: dict[str, tuple[Kind, ...]] = {

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from iwanjax.effects.estimate import Estimate
-from iwanjax.effects.kinds import Kind
+from iwanjax.effects.kinds import ForceKind, Kind
 
 # Of each kind: a noun, and a sentence with its place, where that is not "... is missing".
 _NOUNS: Mapping[str, str] = {
@@ -53,7 +53,8 @@ def sentence(kind: Kind, where: str) -> str:
     if kind.name in _SENTENCES:
         return _SENTENCES[kind.name].format(where)
     name = _NOUNS.get(kind.name, kind.usual)
-    return f"{name[:1].upper()}{name[1:]} is missing {place(where)}"
+    held = f", {kind.variant}" if isinstance(kind, ForceKind) and kind.within else ""
+    return f"{name[:1].upper()}{name[1:]} is missing {place(where)}{held}"
 
 
 def place(where: str) -> str:

@@ -9,7 +9,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.force_law import NestedLaw, PlaceMotion, Scales, stiffness_alone
+from iwanjax.joints.force_law import (
+    WITHIN_K,
+    NestedLaw,
+    PlaceMotion,
+    Scales,
+    Variant,
+    stiffness_alone,
+)
 from iwanjax.joints.springs import LinearSpring
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
@@ -55,6 +62,7 @@ class BoucWen(AbstractStepped):
     )
     rate_dependent: ClassVar[bool] = False
     tried: ClassVar[bool] = False
+    variants: ClassVar[tuple[Variant, ...]] = (Variant(), WITHIN_K)
 
     F_S: Array = eqx.field(converter=named("F_S"))
     K_T: Array = eqx.field(converter=named("K_T"))

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.force_law import NestedLaw, Scales, stiffness_alone
+from iwanjax.joints.force_law import WITHIN_K, NestedLaw, Scales, Variant, stiffness_alone
 from iwanjax.joints.springs import AbstractSpring, LinearSpring
 from iwanjax.types import ArrayLike, real
 
@@ -30,6 +30,7 @@ class TanhSpring(AbstractSpring):
         ParameterInfo("width", "length", "largest force over k", lower=0.0, transform="log"),
     )
     tried: ClassVar[bool] = False
+    variants: ClassVar[tuple[Variant, ...]] = (Variant(), WITHIN_K)
 
     k: Array = eqx.field(converter=named("k"))
     width: Array = eqx.field(converter=named("width"))
