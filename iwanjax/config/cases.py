@@ -14,7 +14,7 @@ from iwanjax.config.names import Names, known, once
 from iwanjax.config.simulate import ModalImpact, RecordedForce, SimulateSection
 from iwanjax.config.source import Place, Source
 from iwanjax.structures import JointedStructure
-from iwanjax.structures.model_file import Model
+from iwanjax.structures.model_file import BASE, Model
 from iwanjax.types import as_real
 
 
@@ -50,6 +50,20 @@ class SimulationCase:
     sensors: dict[str, np.ndarray]
     joint: str | None
     file: Path | None
+
+    @property
+    def carried(self) -> np.ndarray:
+        """Accelerations of the sensors by the inputs alone, were all rigid: (inputs, sensors).
+
+        Zero but for that of the ground, which absolute accelerations follow.
+        """
+        rows, sensors = self.inputs, np.stack(list(self.sensors.values()))
+        if rows is None:
+            return np.zeros((0, len(sensors)))
+        named = getattr(self.settings.excitation, "input", ())
+        labels = [named] if isinstance(named, str) else named
+        motion = -np.linalg.solve(np.asarray(self.structure.structure.M), rows.T)
+        return (sensors @ motion).T * np.array([[label == BASE] for label in labels])
 
     def on(self, structure: JointedStructure) -> "SimulationCase":
         """The same case on a structure with other joints."""

@@ -20,6 +20,7 @@ from iwanjax.config.source import Place, Source
 from iwanjax.curves import ModalCurves
 from iwanjax.files import nearest
 from iwanjax.signals import ForceLoop, Recording
+from iwanjax.structures.model_file import BASE
 
 _HISTORIES = ("transient", "free_decay")
 _EVERY = ("file", "kind", "use", "name")
@@ -102,6 +103,13 @@ def _entry(
         _check_history(source, place, section, data)
     response = _response(source, (*place, "response"), section, names)
     for j, label in enumerate(section.force.inputs if section.force else ()):
+        if label == BASE and BASE not in (names.inputs or (BASE,)):
+            raise source.error(
+                (*place, "force", "inputs", j),
+                "the model has no input 'base', the acceleration of the ground; add it to the "
+                "model's input_labels, and to input_rows -M r, with r the motion of the "
+                "coordinates when the ground moves by 1 and nothing deforms",
+            )
         known(source, (*place, "force", "inputs", j), label, names.inputs, "input")
     if section.levels is not None:
         once(source, (*place, "levels"), section.levels)

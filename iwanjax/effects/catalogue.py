@@ -48,7 +48,9 @@ def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[Kind, ...]:
     """The kind that a law is, each of its variants."""
     effect = law.effect or EffectName(registered, described(law).partition(":")[0])
     return tuple(
-        ForceKind(effect.name, effect.usual, law, effect.signs, v.held, v.words, effect.noun)
+        ForceKind(
+            effect.name, effect.usual, law, effect.signs, v.held, v.words, effect.noun, v.within
+        )
         for v in law.variants
     )
 

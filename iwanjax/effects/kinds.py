@@ -8,9 +8,12 @@ from typing import Any, ClassVar, TypeAlias
 from jaxtyping import Array
 
 from iwanjax.effects.faults import AbstractFault
-from iwanjax.effects.nested import Nested
+from iwanjax.effects.nested import Nested, softened
 from iwanjax.joints import JOINTS, ParameterInfo
 from iwanjax.joints.force_law import AbstractForceLaw, NestedLaw, PlaceMotion, Scales
+
+_YIELDS = (0.05, 0.3)
+"""Shares of the largest deflection at which a law whose stiffness is in K is first tried."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,8 @@ class ForceKind:
         Which of several forms of the same name, in words; empty for the only one.
     noun : str
         With its article; what the field calls it where there is none.
+    within : bool
+        Whether K holds the law's stiffness at rest already: its force is what differs from that.
     """
 
     name: str
@@ -42,11 +47,13 @@ class ForceKind:
     held: tuple[tuple[str, Any], ...] = ()
     variant: str = ""
     noun: str = ""
+    within: bool = False
 
     @property
     def sentence(self) -> str:
         """What a verdict says of it, its place left open."""
-        return missing(self.noun or self.usual)
+        said = missing(self.noun or self.usual)
+        return f"{said}, {self.variant}" if self.within else said
 
     @property
     def size(self) -> ParameterInfo:
@@ -74,10 +81,18 @@ class ForceKind:
 
         Where one of them does all but as well, that one is named.
         """
+        if self.within:
+            return (softened(lambda seen: seen.deflection),)
         return _nested(self.law.nested(**dict(self.held)))
 
     def shapes(self, seen: Scales) -> tuple[float, ...]:
-        """Values of the shape to begin with."""
+        """Values of the shape to begin with.
+
+        What K holds has not given way in the tests that K is of: shapes are the deflection at
+        which it does, a small and a middling one.
+        """
+        if self.within:
+            return tuple(share * seen.deflection for share in _YIELDS)
         return self.law.starts(seen)
 
     def unit_force(self, motion: PlaceMotion, shape: Array, memory: Array) -> tuple[Array, Array]:
@@ -85,7 +100,9 @@ class ForceKind:
 
         Elementwise over places, one number of memory each.
         """
-        return self.law.scaled(1.0, shape, **dict(self.held)).follow(motion, memory)
+        law = self.law.scaled(1.0, shape, **dict(self.held))
+        force, memory = law.follow(motion, memory)
+        return (force - law.initial_stiffness * motion.d if self.within else force), memory
 
     def _infos(self) -> tuple[ParameterInfo, ...]:
         size, *shape = self.law.searched()

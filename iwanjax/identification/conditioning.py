@@ -60,6 +60,8 @@ class MeasuredForces:
         Zero outside their pulses, and in free decays.
     moving : (recordings,) array of bool
         Whether a recording begins in motion, so that its first sample counts.
+    cut : (recordings,) array of bool
+        Whether a force goes on beyond its recording and is not known to repeat.
     modal : ModalCoordinates
         With the rows of the inputs.
     settings : ConditioningSettings
@@ -68,6 +70,7 @@ class MeasuredForces:
 
     clean: Float[np.ndarray, "recordings N inputs"]
     moving: np.ndarray
+    cut: np.ndarray
     modal: ModalCoordinates
     settings: ConditioningSettings
 
@@ -80,8 +83,9 @@ class MeasuredForces:
         self, made: Predictor, more: Float[np.ndarray, "recordings N inputs"]
     ) -> Float[np.ndarray, "recordings N substeps states"]:
         """What more force at the inputs does to the modes, as in :class:`~.predictor.Data`."""
-        found = np.stack([_pushed(made, self.modal, force, self.settings) for force in more])
-        found[self.moving, 0, -1, 2 * made.kept :] += more[self.moving, 0] @ self.rows.T
+        at_end, pairs = _at_end(made, self.modal), zip(more, self.cut, strict=True)
+        found = np.stack([_pushed(made, at_end, *each, self.settings) for each in pairs])
+        found[self.moving, 0, -1, 2 * made.kept :] += more[self.moving, 0] @ at_end
         return found
 
 
@@ -126,13 +130,14 @@ def conditioned(
         / (2.0 * math.pi)
     )
     beside = settings.ringing if cycles > settings.high else settings.beside
+    at_end, cut = _at_end(made, modal), np.zeros(len(recordings), bool)
     for i, each in enumerate(recordings):
         require_usable(each, settings)
         response = each.response.astype(float)
         missing = (0, length - len(response))
         kick = np.zeros(length)
         felt, unsure = np.zeros_like(response), np.zeros((2 * made.kept, 0))
-        push = np.zeros((length, made.substeps, modal.W.shape[0] + 2 * made.kept))
+        push = np.zeros((length, made.substeps, 2 * made.kept + at_end.shape[1]))
         if each.force is None:
             own = noise_of(response, 0, settings)
         else:
@@ -145,10 +150,12 @@ def conditioned(
             felt = _felt(made, modal, force, settings)
             unsure = _unsure(made, modal, force, settings)
             kick[min(force.last + 1, len(response) - 1)] = 1.0
-            push = _pushed(made, modal, np.pad(force.clean, (missing, (0, 0))), settings)
+            # A force that does not end with its recording goes on, but is not known to repeat.
+            cut[i] = force.endless and each.initial != "periodic"
+            push[: len(response)] = _pushed(made, at_end, force.clean, bool(cut[i]), settings)
             if each.moving:
                 # Accelerations follow the force at once, at the first sample too.
-                push[0, -1, 2 * made.kept :] = force.clean[0] @ np.asarray(modal.W).T
+                push[0, -1, 2 * made.kept :] = force.clean[0] @ at_end
             warnings += _odd(each, force)
         noise = np.where(np.isnan(known_noise), own, known_noise)
         if each.moving:
@@ -178,7 +185,7 @@ def conditioned(
     names = tuple(each.name for each in recordings)
     which = np.arange(count) % len(rows)
     moving = np.array([each.moving for each in recordings])
-    acted = MeasuredForces(forces[which], moving[which], modal, settings)
+    acted = MeasuredForces(forces[which], moving[which], cut[which], modal, settings)
     return ConditionedRecordings(names, data, np.stack(noises), tuple(warnings), acted)
 
 
@@ -236,13 +243,23 @@ def _felt(
         return np.zeros((len(pulse), made.sensors.shape[0]))
     errors = force.noise + settings.force_error * np.max(np.abs(force.clean), axis=0)
     direct = np.asarray(made.sensors) @ np.asarray(modal.W)[: made.kept]
+    direct = direct + np.asarray(made.ground.sensors) @ np.asarray(made.ground.inputs).T
     size = np.sqrt(direct**2 @ errors**2)
     wide = np.convolve(pulse, np.ones(2 * HALF + 1), "same") > 0
     return wide[:, None] * size
 
 
+def _at_end(made: Predictor, modal: ModalCoordinates) -> np.ndarray:
+    """What inputs are at the end of a step: modal forces, and the ground's acceleration."""
+    return np.hstack([np.asarray(modal.W).T, np.asarray(made.ground.inputs)])
+
+
 def _pushed(
-    made: Predictor, modal: ModalCoordinates, force: np.ndarray, settings: ConditioningSettings
+    made: Predictor,
+    at_end: np.ndarray,
+    force: np.ndarray,
+    cut: bool,
+    settings: ConditioningSettings,
 ) -> np.ndarray:
     """What a force does to the modes over each step, by Fourier interpolation of its samples.
 
@@ -250,10 +267,9 @@ def _pushed(
     half the sampling rate, comes out as it was; splines of degree 7 lose five per cent at
     0.4 of it, and modes at such frequencies would start with as large an error.
     """
-    kept, W = made.kept, np.asarray(modal.W)
+    kept, W = made.kept, at_end.T
     N, steps = len(force), made.substeps
-    left = W.shape[0] - kept
-    push = np.zeros((N, steps, 3 * kept + left))
+    push = np.zeros((N, steps, 2 * kept + len(W)))
     acts = np.any(force != 0, axis=1)
     near = np.flatnonzero(np.convolve(acts, np.ones(2 * settings.tail + 1), "same") > 0)
     near = near[near > 0]
@@ -261,7 +277,7 @@ def _pushed(
         return push
     parts = settings.force_parts
     part, fine = float(made.dt) / parts, 2 * parts * steps
-    between = upsampled(force, fine)
+    between = (upsampled_between_ends if cut else upsampled)(force, fine)
     by = hold(np.asarray(made.omega2), np.asarray(made.C), part)
     for k in range(steps):
         q: Any = np.zeros((kept, len(near)))
@@ -293,6 +309,20 @@ def at_ends(
     between = upsampled(force.T, substeps).T
     early = np.pad(between, ((0, 0), (substeps - 1, 0)))
     return early[:, : between.shape[1]]
+
+
+def upsampled_between_ends(force: np.ndarray, times: int) -> np.ndarray:
+    """The same from the first sample to the last of a force that goes on before and after.
+
+    The straight line between both, and a series of sines: as a cycle the force would jump from
+    its end to its beginning, and what rings after a jump kicks the structure at the start.
+    """
+    N = len(force)
+    line = np.linspace(force[0], force[-1], N)
+    odd = (force - line)[:-1]
+    cycle = np.concatenate([odd, np.zeros_like(odd[:1]), -odd[:0:-1]])
+    count = (N - 1) * times + 1
+    return upsampled(cycle, times)[:count] + np.linspace(force[0], force[-1], count)
 
 
 def _unsure(

@@ -3,8 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-from iwanjax.identification.recordings import StudyRecording, before_force, cleaned, quietest
+from iwanjax.identification.recordings import (
+    CleanForce,
+    StudyRecording,
+    before_force,
+    cleaned,
+    quietest,
+)
 from iwanjax.settings.histories import CONDITIONING
 from iwanjax.types import Initial
 
@@ -33,6 +40,11 @@ class InitialStateSettings:
         The same share of the second sample: what passes zero moves on, what is at rest hardly.
     begins : float
         Share of its peak at which a force that never ends begins.
+    resting : float
+        Share of its peak by which a force that rests may scatter.
+    trend : float
+        Scatter about its mean over that from sample to sample from which on it has a trend: of 20
+        samples of white noise one in 50 000 does.
     repeats : float
         Change of a force from period to period, as share of it, that is noise.
     steady : float
@@ -52,6 +64,8 @@ class InitialStateSettings:
     first_moving: float = 0.05
     second_moving: float = 0.2
     begins: float = 1e-3
+    resting: float = 0.01
+    trend: float = 2.0
     repeats: float = 0.1
     steady: float = 0.01
     settled: float = 2.0
@@ -85,11 +99,7 @@ def initial_state(
         return "unknown"
     by = settings or InitialStateSettings()
     response = _measured(recording.response)
-    force = cleaned(recording.force.astype(float))
-    first = force.first
-    if force.endless:
-        size = np.max(np.abs(force.clean), axis=1)
-        first = int(np.argmax(size > by.begins * size.max()))
+    first = force_begins(cleaned(recording.force.astype(float)), by)
     rms = np.std(response, axis=0)
     noise = quietest(response - response.mean(axis=0))
     quiet = before_force(response, first)
@@ -102,6 +112,27 @@ def initial_state(
         none = np.clip(by.deviations * noise, by.first_motionless * rms, by.first_moving * rms)
         moves = np.where(np.abs(response[1]) <= by.second_moving * rms, begin.max(axis=0), np.inf)
     return "rest" if np.all(moves <= none) else "unknown"
+
+
+def force_begins(force: CleanForce, settings: InitialStateSettings | None = None) -> int:
+    """The sample at which a force begins, endless or not."""
+    if not force.endless:
+        return force.first
+    size = np.max(np.abs(force.clean), axis=1)
+    acts = int(np.argmax(size > (settings or InitialStateSettings()).begins * size.max()))
+    return max(acts, min(rests_for(column) for column in force.clean.T if np.any(column)))
+
+
+def rests_for(force: Float[np.ndarray, " N"], settings: InitialStateSettings | None = None) -> int:
+    """Samples at the beginning in which a force shows noise about a constant, and no more."""
+    by = settings or InitialStateSettings()
+    head = force[: CONDITIONING.enough]
+    middle, scatter = np.mean(head), np.std(head)
+    steps = np.std(np.diff(head)) / np.sqrt(2.0)
+    if scatter > min(by.resting * np.max(np.abs(force - middle)), by.trend * steps):
+        return 0
+    acts = np.abs(force - middle) > CONDITIONING.pulse_noise * scatter
+    return int(np.argmax(acts)) if np.any(acts) else len(force)
 
 
 def unsteady(recording: StudyRecording, settings: InitialStateSettings | None = None) -> str | None:

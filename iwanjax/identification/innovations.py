@@ -204,12 +204,14 @@ class _Run(NamedTuple):
         at_once = jnp.concatenate([flexibility, nil, inertance]) @ expected
         size = sizes_of(suspects, values.suspects)
         shape = jnp.exp(jnp.clip(values.suspects[:, 1], -80.0, 80.0))
-        pushed = push[..., : 2 * kept]
+        pushed = predictor.parts(push)
+        # What has inertia feels the absolute acceleration, though places see the relative motion.
+        carried = suspects.row @ predictor.ground.modes
         felt = jnp.concatenate(
             [
-                push[..., 3 * kept :] @ (left * predictor.left).T,
+                pushed.left @ (left * predictor.left).T,
                 jnp.zeros((*push.shape[:-1], m)),
-                push[..., 2 * kept : 3 * kept] @ new.T,
+                pushed.modal @ new.T + pushed.ground @ carried.T,
             ],
             axis=-1,
         )
@@ -221,7 +223,8 @@ class _Run(NamedTuple):
             elements,
             jnp.concatenate([modes, expected, watch @ modes + at_once]),
             jnp.concatenate(
-                [pushed, jnp.zeros((*push.shape[:-1], m)), pushed @ watch.T + felt], axis=-1
+                [pushed.state, jnp.zeros((*push.shape[:-1], m)), pushed.state @ watch.T + felt],
+                axis=-1,
             ),
             rows @ q_late + flexibility,
             rows @ v_late,
@@ -303,12 +306,10 @@ class _Run(NamedTuple):
 
     def seen(self, at: _State, push: Array) -> Array:
         """What faultless sensors show."""
-        predictor, r, m = self.by, self.by.kept, self.mobility.shape[0]
+        m = self.mobility.shape[0]
         forces = jnp.concatenate([at.g[:m], at.g[3 * m :]])
         shown = self.observe @ jnp.concatenate([at.z, forces])
-        if predictor.quantity == "acceleration":
-            shown = shown + predictor.sensors @ push[2 * r : 3 * r]
-        return shown
+        return shown + self.by.at_once(push, jnp)
 
     def chained(self, shown: Array, chain: tuple[Any, ...]) -> tuple[Array, tuple[Any, ...]]:
         """What the sensors show of what faultless ones would, and what they then remember."""

@@ -151,9 +151,7 @@ def state_at_beginning(
     count = min(len(response), int(settings.back_cycles * 2.0 * np.pi / (omega.min() * dt)) + 1)
     forced, seen = np.zeros((count + 1, len(A))), response[:count].astype(float)
     forced[:count] = _over_a_sample(made, push[:count, :, : len(A)])
-    if made.quantity == "acceleration":
-        modal = push[:count, -1, len(A) : len(A) + made.kept]
-        seen = seen - modal @ np.asarray(made.sensors).T
+    seen = seen - made.at_once(push[:count, -1])
     z = np.zeros(len(A))
     for y, more in zip(seen[::-1], forced[:0:-1], strict=True):
         z = back @ (z - more)

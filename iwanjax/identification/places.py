@@ -39,10 +39,7 @@ def followed(problem: HistoryProblem) -> Followed:
     kept, substeps = predictor.kept, predictor.substeps
     short = stepped(A, float(predictor.dt))
     push, y = np.asarray(problem.data.push), np.asarray(problem.data.response)
-    direct = np.zeros((*y.shape[:2], y.shape[2]))
-    if predictor.quantity == "acceleration":
-        modal = push[:, :, -1, 2 * kept : 3 * kept]
-        direct = modal @ np.asarray(predictor.sensors).T
+    direct = predictor.at_once(push[:, :, -1])
     z = np.zeros((y.shape[0], 2 * kept))
     states = np.zeros((*y.shape[:2], 2 * kept))
     for n in range(y.shape[1]):

@@ -14,6 +14,7 @@ from iwanjax.effects.catalogue import FAULTS, sensor_faults_of
 from iwanjax.effects.faults import AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.errors import InputError
+from iwanjax.identification.ground import Ground, Pushed, ground_of
 from iwanjax.signals.comparison_band import END
 from iwanjax.structures import JointedStructure, LinearTrust
 
@@ -77,7 +78,7 @@ class Data(NamedTuple):
     ----------
     push : (recordings, N, substeps, states) array
         What the forces do over each step that leads to a sample: to q, to v, their modal
-        forces at its end, and those of the modes left out.
+        forces at its end, those of the modes left out, and the acceleration of the ground.
     response : (recordings, N, sensors) array
         As measured.
     weight : (recordings, N, sensors) array
@@ -126,6 +127,8 @@ class Predictor(eqx.Module):
         Share of a channel's root mean square that errors of the mode shapes may leave.
     faults : tuple of AbstractSensorFault
         What may be wrong with a sensor, in the order of its measurement chain.
+    ground : Ground
+        What moves with the ground.
     """
 
     omega2: Float[Array, " kept"]
@@ -138,6 +141,7 @@ class Predictor(eqx.Module):
     dt: Array
     uncertain: Float[Array, "2 modes"]
     shape_error: Array
+    ground: Ground
     kinds: tuple[ForceKind, ...] = eqx.field(static=True)
     faults: tuple[AbstractSensorFault, ...] = eqx.field(static=True)
     quantity: Quantity = eqx.field(static=True)
@@ -198,8 +202,40 @@ class Predictor(eqx.Module):
             sum(jnp.outer(c, on(b, kept)) for c, b in zip(through, each, strict=True))
             for each in (self.by.q_by, self.by.v_by)
         )
-        made = jnp.concatenate([q, v, jnp.outer(now, kept), jnp.outer(now, left)], axis=1)
+        still = jnp.zeros((now.size, self.ground.modes.shape[1]))
+        made = jnp.concatenate([q, v, jnp.outer(now, kept), jnp.outer(now, left), still], axis=1)
         return made.reshape(-1, self.substeps, made.shape[1])
+
+    def parts(self, push: Array | np.ndarray) -> Pushed:
+        """What a push of the data consists of."""
+        r, left = self.kept, self.left.shape[0]
+        return Pushed(
+            push[..., : 2 * r],
+            push[..., 2 * r : 3 * r],
+            push[..., 3 * r : 3 * r + left],
+            push[..., 3 * r + left :],
+        )
+
+    def at_once(self, push: Array | np.ndarray, xp: Any = np) -> Array:
+        """What the sensors show of the forces at the end of a step before anything moves.
+
+        Parameters
+        ----------
+        push : (..., states) array
+            As in :class:`Data`.
+        xp : module
+            ``jax.numpy`` within a kernel.
+
+        Returns
+        -------
+        (..., sensors) array
+            Zero but for accelerations.
+        """
+        if self.quantity != "acceleration":
+            return xp.zeros((*push.shape[:-1], self.sensors.shape[0]))
+        made = self.parts(push)
+        carried = made.ground @ xp.asarray(self.ground.sensors).T
+        return made.modal @ xp.asarray(self.sensors).T + carried
 
     def observation(self, rows: Array, late: Array) -> Array:
         """What sensors see of modes, forces, and how far the last forces were off."""
@@ -305,6 +341,7 @@ def predictor(
     substeps: int,
     trust: LinearTrust | None = None,
     faults: tuple[AbstractSensorFault, ...] = sensor_faults_of(FAULTS),
+    base: int | None = None,
 ) -> tuple[Predictor, ModalCoordinates]:
     """The predictor of a structure, and the modes it is in.
 
@@ -326,6 +363,8 @@ def predictor(
         How exact the linear model is; exact where it is not said.
     faults : tuple of AbstractSensorFault
         What may be wrong with a sensor.
+    base : int, optional
+        Which input is the acceleration of the ground; its row is -M r.
     """
     modal = modal_coordinates(structure, inputs, sensors, None)
     omega2, C, Y = np.asarray(modal.omega2), np.asarray(modal.C), np.asarray(modal.Y)
@@ -349,6 +388,7 @@ def predictor(
         jax.device_put(np.asarray(dt)),
         jax.device_put(_uncertain(trust, omega2[:kept], sampling_rate)),
         jax.device_put(np.asarray(0.0 if trust is None else trust.shapes)),
+        ground_of(modal, base),
         kinds,
         faults,
         quantity,

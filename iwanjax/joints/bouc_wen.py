@@ -10,10 +10,12 @@ from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.force_law import (
+    WITHIN_K,
     EffectName,
     NestedLaw,
     PlaceMotion,
     Scales,
+    Variant,
     stiffness_alone,
 )
 from iwanjax.joints.springs import LinearSpring
@@ -64,6 +66,7 @@ class BoucWen(AbstractStepped):
     )
     rate_dependent: ClassVar[bool] = False
     tried: ClassVar[bool] = False
+    variants: ClassVar[tuple[Variant, ...]] = (Variant(), WITHIN_K)
 
     F_S: Array = eqx.field(converter=named("F_S"))
     K_T: Array = eqx.field(converter=named("K_T"))

@@ -79,10 +79,18 @@ class Variant(NamedTuple):
         Which; empty for the first.
     held : tuple of (str, value)
         Arguments of the law that the search leaves as they are.
+    within : bool
+        Whether K holds the stiffness that the law has at rest already, as that of a linear model
+        from a test or from low levels does.
     """
 
     words: str = ""
     held: tuple[tuple[str, Any], ...] = ()
+    within: bool = False
+
+
+WITHIN_K = Variant("with its stiffness at rest in K already", within=True)
+"""Of laws that give way from a stiffness at rest."""
 
 
 class AbstractForceLaw(AbstractJoint):

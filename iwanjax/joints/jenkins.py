@@ -9,11 +9,13 @@ from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.force_law import (
+    WITHIN_K,
     AbstractForceLaw,
     EffectName,
     NestedLaw,
     PlaceMotion,
     Scales,
+    Variant,
     stiffness_alone,
 )
 from iwanjax.joints.masing import masing_loading
@@ -54,6 +56,8 @@ class Jenkins(AbstractForceLaw):
         "damping that falls with amplitude once it slips, stiffness at small amplitude",
         "dry friction",
     )
+
+    variants: ClassVar[tuple[Variant, ...]] = (Variant(), WITHIN_K)
 
     F_S: Array = eqx.field(converter=named("F_S"))
     K_T: Array = eqx.field(converter=named("K_T"))

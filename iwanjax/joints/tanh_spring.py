@@ -7,7 +7,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.force_law import EffectName, NestedLaw, Scales, stiffness_alone
+from iwanjax.joints.force_law import (
+    WITHIN_K,
+    EffectName,
+    NestedLaw,
+    Scales,
+    Variant,
+    stiffness_alone,
+)
 from iwanjax.joints.springs import AbstractSpring, LinearSpring
 from iwanjax.types import ArrayLike, real
 
@@ -33,6 +40,7 @@ class TanhSpring(AbstractSpring):
         "tanh_spring", "softening spring", noun="a softening spring"
     )
     tried: ClassVar[bool] = False
+    variants: ClassVar[tuple[Variant, ...]] = (Variant(), WITHIN_K)
 
     k: Array = eqx.field(converter=named("k"))
     width: Array = eqx.field(converter=named("width"))

@@ -15,6 +15,9 @@ _NAMED_ROWS = (
     ("sensor_labels", "sensor_rows"),
     ("input_labels", "input_rows"),
 )
+BASE = "base"
+"""The input that is the acceleration of the ground; its row is -M r, with r the motion of the
+coordinates when the ground moves by 1 and nothing deforms."""
 _ARRAYS = ("M", "C", "K", *(name for pair in _NAMED_ROWS for name in pair))
 
 
@@ -31,7 +34,9 @@ class Model:
     sensors : dict of str to (n,) array
         What each sensor sees: ``row @ u`` or its derivatives.
     inputs : dict of str to (n,) array
-        Where each measured force acts: nodal force ``row * f(t)``.
+        Where each measured force acts: nodal force ``row * f(t)``. ``base`` is the acceleration
+        of the ground, its row -M r: r is the motion of the coordinates when the ground moves by 1
+        and nothing deforms, and all motion is relative to the ground.
     coordinates : tuple of str
         Names of the first coordinates u, as many as have one.
     """

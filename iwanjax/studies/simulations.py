@@ -1,7 +1,7 @@
 """A study's cases in time: its structure under forces, or a joint on its own."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax
@@ -96,6 +96,10 @@ def _transient(case: SimulationCase) -> SimulatedResponse:
         sliders=settings.sliders,
         accuracy=settings.accuracy,
     )
+    if found.acceleration is not None and np.any(case.carried):
+        # Accelerometers do not know the ground's motion from their own.
+        ground = np.asarray(force).reshape(-1, len(case.carried))[:: settings.every]
+        found = replace(found, acceleration=found.acceleration + ground @ case.carried)
     return jax.block_until_ready(found)
 
 

@@ -65,6 +65,7 @@ def _of_one(verdict: Diagnosis) -> dict[str, Any]:
         "what": [
             {
                 "kind": each.kind.name,
+                "form": getattr(each.kind, "variant", ""),
                 "where": each.where,
                 "probability": each.probability,
                 "log_evidence": each.log_evidence,

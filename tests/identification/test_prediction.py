@@ -16,7 +16,11 @@ from iwanjax.effects.sensor_delay import DELAY, DELAY_NODES
 from iwanjax.identification import columns as trials
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import columns_at_rest
-from iwanjax.identification.conditioning import conditioned
+from iwanjax.identification.conditioning import (
+    conditioned,
+    upsampled,
+    upsampled_between_ends,
+)
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.linearise import innovations, linearise, residuals_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
@@ -428,3 +432,21 @@ def test_noise_is_that_of_all_recordings():
 
 def test_noise_of_another_range_is_its_own():
     assert np.all(np.isnan(common_noise([quiet(0.3, 200), quiet(3.0, 200)])))
+
+
+def test_a_force_that_goes_on_is_not_kicked_where_its_recording_is_cut():
+    """A multisine, known between samples; as a cycle it would jump by its own size."""
+    f, phase = np.arange(20.0, 300.0, 7.3), 2 * np.pi * RNG.random(39)
+
+    def force(t):
+        return np.cos(2 * np.pi * np.outer(t, f) + phase) @ np.ones(f.size)
+
+    t, times = np.arange(N) / RATE, 8
+    fine = np.arange((N - 1) * times + 1) / (RATE * times)
+    off = {
+        name: (function(force(t)[:, None], times)[: len(fine), 0] - force(fine))[160:-160]
+        for name, function in (("cycle", upsampled), ("cut", upsampled_between_ends))
+    }
+    size = np.std(force(t))
+    assert np.max(np.abs(off["cut"])) < 1e-3 * size
+    assert np.max(np.abs(off["cycle"])) > 1e-2 * size

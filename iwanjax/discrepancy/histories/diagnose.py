@@ -32,12 +32,14 @@ from iwanjax.identification.conditioning import require_usable
 from iwanjax.identification.estimates import estimates
 from iwanjax.identification.initial_state import initial_state, unsteady
 from iwanjax.identification.joint_priors import Joint
+from iwanjax.identification.offsets import without_offsets
 from iwanjax.identification.places import followed, places_of
 from iwanjax.identification.predictor import Quantity, predictor
 from iwanjax.identification.recordings import StudyRecording, common_noise
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
+from iwanjax.structures.model_file import BASE
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
@@ -66,7 +68,8 @@ def diagnose_histories(
     several starts, with a memory of two, then eight cycles. Then every kind at every place is
     judged at size zero by what it would take off the residual beyond what the joints can; the
     best are refitted with the joints, and the best of these with longer and longer memory up to
-    the free run. A free decay's state at its beginning is estimated with everything else. Where
+    the free run. A free decay's state at its beginning is estimated with everything else. Constant
+    offsets of channels are taken off first (:mod:`iwanjax.identification.offsets`). Where
     the residual stays above the noise a second suspect is looked for beside
     the first; where nothing shows with a memory of eight cycles but in the free run, as with a
     joint that drifts, suspects are looked for there.
@@ -84,9 +87,12 @@ def diagnose_histories(
     sensors : mapping of str to (n,) array_like
         What the sensors see, in the order of the responses' columns.
     inputs : mapping of str to (n,) array_like
-        Where forces act, in the order of the forces' columns.
+        Where forces act, in the order of the forces' columns. One called ``base`` is the
+        acceleration of the ground: with r the motion of the coordinates when the ground moves by
+        1 and nothing deforms, its row is -M r.
     quantity : {"acceleration", "velocity", "displacement"}
-        What they measure.
+        What the sensors measure: absolute accelerations, displacements and velocities relative
+        to the ground.
     hypotheses : tuple of str
         Kinds to try; all of the catalogue by default.
     noise : mapping of str to float, optional
@@ -123,6 +129,10 @@ def diagnose_histories(
     _check(recordings, len(rows_in), len(rows_out))
     for each in recordings:
         require_usable(each)
+    rigid = len(structure.basis.omega2) < structure.structure.size
+    recordings, taken_off = without_offsets(
+        recordings, list(sensors), list(inputs), quantity, rigid
+    )
     recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
     deviations = np.where(np.isnan(given), common_noise(recordings, numbers.conditioning), given)
@@ -138,6 +148,7 @@ def diagnose_histories(
         forces,
         trust=trust,
         faults=sensor_faults_of(kinds),
+        base=list(inputs).index(BASE) if BASE in inputs else None,
     )
     resolution = StepRefinement(predictor_of, joints, recordings, deviations, numbers)
     now = resolution.of_model()
@@ -213,7 +224,7 @@ def diagnose_histories(
         None,
         failures,
     )
-    warnings = [*sides.fitted.warnings, *sides.warnings()]
+    warnings = [*sides.fitted.warnings, *sides.warnings(), *taken_off]
     warnings += filter(None, map(unsteady, recordings))
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"

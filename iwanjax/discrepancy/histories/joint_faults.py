@@ -315,7 +315,7 @@ def _guesses_of(
     """What a spring or slider says of a joint in its place."""
     hypothesis, p = start.hypothesis, problem.parameters
     kind = hypothesis.kinds[slot]
-    if not isinstance(kind, ForceKind) or kind.size.dimension != "force/length":
+    if not isinstance(kind, ForceKind) or kind.size.dimension != "force/length" or kind.within:
         return []
     stiffness, shape = hypothesis.physical(start.common, problem.map, slot)
     if stiffness <= 0:

@@ -87,15 +87,13 @@ def _simpler(
     """The entry with one kind's limit in its place, and the search that takes it."""
     hypothesis, start = entry.fitted.hypothesis, entry.fitted.start
     for slot, kind in enumerate(hypothesis.kinds):
-        limits = {nested.name: nested for nested in getattr(kind, "limits", ())}
         # Without the joint that was left out its parameters, the last ones, go.
         own = problem if isinstance(kind, JointKind) else entry.problem
         z, others = start.common[: own.parameters], start.common[entry.problem.parameters :]
         there = start._replace(theta=np.concatenate([z, others]))
         parts = [hypotheses.alone(own, there, i) for i in range(len(hypothesis.kinds))]
         for limit in scope.kinds:
-            if limit.name in limits:
-                nested = limits[limit.name]
+            for nested in [each for each in getattr(kind, "limits", ()) if each.means(limit)]:
                 for one in _starts(own, entry, slot, nested, limit, scope, z):
                     yield own, hypotheses.joined(own, [*parts[:slot], one, *parts[slot + 1 :]])
 
@@ -256,7 +254,7 @@ def holding(whole: Hypothesis, part: Hypothesis) -> _Held | None:
             for slot, own in slots
             if own[1] == where and slot not in found
             for nested in getattr(own[0], "limits", ())
-            if nested.name == kind.name
+            if nested.means(kind)
         ]
         if not limits:
             return None

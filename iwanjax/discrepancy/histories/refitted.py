@@ -140,8 +140,9 @@ def corrected_model(
     :math:`M\Phi\,\Delta(\omega^2)\,\Phi^T M`, and C likewise; their shapes stay.
 
     A mass, a damper or a spring at a row b goes into the matrices, :math:`M + m\,bb^T` and the
-    same of C and K; any other law is a joint more, called kind@place. Faults of sensors change
-    nothing here, and a joint that drifts has the mean of its values.
+    same of C and K; any other law is a joint more, called kind@place. What K held of its stiffness
+    at rest is taken out, :math:`K - k_0\,bb^T`. Faults of sensors change nothing here, and a joint
+    that drifts has the mean of its values.
 
     Parameters
     ----------
@@ -184,6 +185,8 @@ def corrected_model(
             size, shape = [*values, 1.0][:2]
             law = kind.law.scaled(size, shape, **dict(kind.held))
             joints[f"{kind.name}@{where}"] = (row, law)
+            if kind.within:
+                matrices["K"] -= float(law.initial_stiffness) * np.outer(row, row)
     return JointedStructure(LinearStructure(**matrices), joints)
 
 

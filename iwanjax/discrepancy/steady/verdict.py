@@ -44,7 +44,8 @@ def forces_of(hypotheses: tuple[str, ...], variants: bool) -> list[ForceKind]:
     Curves of a one-sided force are those of the two-sided one at half the size; loops differ.
     """
     forces = [kind for kind in kinds_of(hypotheses) if isinstance(kind, ForceKind)]
-    return [force for force in forces if variants or not force.variant]
+    # A joint on its own is in no K.
+    return [force for force in forces if not force.within and (variants or not force.variant)]
 
 
 def kinds_named(name: str, hypotheses: tuple[str, ...]) -> list[Kind]:
