@@ -78,7 +78,7 @@ class Data(NamedTuple):
         What the forces do over each step that leads to a sample: to q, to v, their modal
         forces at its end, and those of the modes left out.
     response : (recordings, N, sensors) array
-        As measured.
+        As measured; zero for a sensor that a recording lacks.
     weight : (recordings, N, sensors) array
         One over the deviation that a residual may have in the band that is compared; zero
         where nothing was measured.

@@ -222,6 +222,9 @@ def _limits(
         if not isinstance(kind, SensorKind):
             continue
         for i, label in enumerate(sensors):
+            # Only recordings that are held out have this one.
+            if largest[i] == 0.0:
+                continue
             if kind.acts == "limit":
                 limit = problem.settings.selection.cut * float(largest[i])
                 starts.append(hypotheses.sensor(problem, kind, i, label, z, limit))

@@ -204,7 +204,7 @@ class StepRefinement:
         """With so many steps between samples."""
         by, modal = self.made(substeps)
         sides = StudyData.of(self.recordings, by, modal, self.noise, self.settings.conditioning)
-        noise = np.median(sides.fitted.noise, axis=0)
+        noise = _usual(sides)
         data = sides.fitted.data
         problem = HistoryProblem(by, self.joints, data, noise, sides.order, self.settings)
         return Refined(sides, problem, modal)
@@ -224,6 +224,16 @@ def _change(
         - residuals_at(problem, points, time_constant)[0]
     )
     return float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2)))))
+
+
+def _usual(sides: StudyData) -> np.ndarray:
+    """Deviation of each sensor's noise in the recordings to fit, else in those held out."""
+    own = [sides.fitted.noise, *(each.noise for each, _ in sides.held)]
+    found = [
+        next(part for x in own if (part := x[~np.isnan(x[:, i]), i]).size)
+        for i in range(own[0].shape[1])
+    ]
+    return np.array([np.median(each) for each in found])
 
 
 def _fast(coarse: Refined) -> bool:
