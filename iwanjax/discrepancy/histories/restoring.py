@@ -143,6 +143,7 @@ def _run(
     whole = AtSamples(*observed(predictor, problem.joints, suspects, *varied, problem.data))
     d, v, a, force = (np.asarray(x) for x in whole[1:])
     on = np.any(np.asarray(problem.data.weight) > 0, axis=2)
+    on[:, problem.settings.illustration.longest :] = False
     if recording is None:
         largest = np.max(np.where(on, np.abs(d[..., slot]), 0.0), axis=1)
         recording = int(np.argmax(largest))

@@ -10,6 +10,7 @@ from iwanjax.effects.kinds import JointKind, Kind, SensorKind
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import (
     UnitEffect,
+    by_memory,
     columns,
     columns_at_rest,
     sensor_faults,
@@ -116,11 +117,8 @@ def score_test(
 
     if not in_time():
         return []
-    forces, of_sensors = (
-        unit_effects(problem, base, kinds, places),
-        sensor_faults(problem, kinds, sensors, z),
-    )
-    for unit, size, drop in _judged(problem, base, forces, of_sensors, rated, in_time):
+    of_sensors = sensor_faults(problem, kinds, sensors, z)
+    for unit, size, drop in _judged(problem, base, kinds, places, of_sensors, rated, in_time):
         if size != 0 and not (unit.kind.positive and size < 0):
             propose(unit.kind, unit.where, drop, partial(unit.sized, size))
     if not in_time():
@@ -140,16 +138,24 @@ def score_test(
 def _judged(
     problem: HistoryProblem,
     base: HypothesisFit,
-    forces: Sequence[UnitEffect],
+    kinds: Sequence[Kind],
+    places: Sequence[Place],
     of_sensors: Sequence[UnitEffect],
     rated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     in_time: Callable[[], bool],
 ) -> Iterator[tuple[UnitEffect, float, float]]:
     """All with size and drop: about the motion itself, but for forces that promise little."""
-    found, most = np.zeros((2, len(forces))), problem.settings.selection.moving
-    if len(forces) > most:
-        for which, made in columns_at_rest(problem, base, forces):
-            found[:, which] = rated(made)
+    found, most = np.zeros((2, 0)), problem.settings.selection.moving
+    forces: list[UnitEffect] = []
+    groups = by_memory(problem, kinds, places)
+    for group in groups:
+        more = unit_effects(problem, base, kinds, group)
+        own = np.zeros((2, len(more)))
+        if len(groups) > 1 or len(more) > most:
+            for which, made in columns_at_rest(problem, base, more):
+                own[:, which] = rated(made)
+        found, forces = np.hstack([found, own]), [*forces, *more]
+        forces = _remembered(forces, np.argsort(-found[1], kind="stable")[:most])
     if not in_time():
         return
     best = np.argsort(-found[1], kind="stable")[:most]
@@ -159,6 +165,17 @@ def _judged(
     found = np.hstack([found, exact[:, len(best) :]])
     for unit, (size, drop) in zip([*forces, *of_sensors], found.T.tolist(), strict=True):
         yield unit, size, drop
+
+
+def _remembered(forces: Sequence[UnitEffect], best: np.ndarray) -> list[UnitEffect]:
+    """The same, the histories of all but the best forgotten."""
+    kept = set(best.tolist())
+    if len(kept) == len(forces):
+        return list(forces)
+    return [
+        unit._replace(force=unit.force.copy() if i in kept else unit.force[:0].copy())
+        for i, unit in enumerate(forces)
+    ]
 
 
 def _explained(problem: HistoryProblem, made: np.ndarray, shared: int) -> np.ndarray:
