@@ -1,5 +1,6 @@
 """Columns of the score test: what a little of every effect would change in the residuals."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -145,9 +146,9 @@ def by_memory(
     """Places in groups whose unit forces fit into the memory."""
     own = [kind for kind in problem.predictor.kinds if kind in kinds]
     count = sum(max(map(len, _grid(kind, places)), default=0) for kind in own)
-    data, room = problem.data.push, problem.settings.memory.kernels
-    steps = 8 * data.shape[0] * data.shape[1] * data.shape[2]
-    size = max(1, room // max(1, count * steps))
+    # As a kernel makes them, and as it hands them over.
+    one = 2 * 8 * math.prod(problem.data.push.shape[:3])
+    size = max(1, problem.settings.memory.kernels // max(1, count * one))
     return [places[i : i + size] for i in range(0, len(places), size)]
 
 
