@@ -147,7 +147,7 @@ def directions_of(
 def require_usable(each: StudyRecording, settings: ConditioningSettings = CONDITIONING) -> None:
     """Refuse what is not finite, too short, or shows nothing; a sensor may be missing."""
     if not np.any(each.measured):
-        raise InputError(f"{each.name}: response holds no sensor; expected one at least")
+        raise InputError(f"{each.name}: response holds NaN throughout; expected a sensor")
     response = each.response[:, each.measured]
     for array, what in ((response, "response"), (each.force, "force")):
         if array is not None and not np.all(np.isfinite(array)):
@@ -159,7 +159,8 @@ def require_usable(each: StudyRecording, settings: ConditioningSettings = CONDIT
         )
     silent = np.flatnonzero(~np.any(each.response, axis=0))
     if silent.size:
-        raise InputError(f"{each.name}: sensor {silent[0]} shows nothing at all; leave it out")
+        which = np.flatnonzero(each.measured)[silent[0]]
+        raise InputError(f"{each.name}: sensor {which} shows nothing at all; leave it out")
     if len(each.response) < settings.least:
         raise InputError(f"{each.name}: {len(each.response)} samples are too few to diagnose")
 

@@ -178,9 +178,10 @@ def at_one_rate(
         found.append(at_rate(each, own, rate, given))
         if found[-1] is each:
             continue
-        told.append(
-            f"{each.name} was measured at {own:.6g} Hz and is compared at {rate:.6g} Hz"
-            + (f": it shows nothing above {0.5 * own:.6g} Hz" if own < rate else "")
-            + (": its clipped samples do not rest at their limit any more" * _clipped(each))
-        )
+        line = f"{each.name} was measured at {own:.6g} Hz and is compared at {rate:.6g} Hz"
+        if own < rate:
+            line += f"; it shows nothing above {0.5 * own:.6g} Hz"
+        if _clipped(each):
+            line += "; it is clipped, which a filter hides: measure it at the others' rate"
+        told.append(line)
     return found, rate, tuple(told)

@@ -123,6 +123,10 @@ def diagnose_histories(
     _check(recordings, len(rows_in), len(rows_out))
     for each in recordings:
         require_usable(each)
+    lacking = np.flatnonzero(~np.any([each.measured for each in recordings], axis=0))
+    if lacking.size:
+        name = tuple(sensors)[lacking[0]]
+        raise InputError(f"diagnose: no recording has sensor {name}; leave it out")
     recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
     deviations = np.where(np.isnan(given), common_noise(recordings, numbers.conditioning), given)
