@@ -226,6 +226,8 @@ class Descent:
         residual : (groups, N, sensors) array
             At the glimpse of it.
         """
+        if self.seen.slopes is None:
+            return x
         move, J = x - self.x, self.seen.slopes.reshape(*self.seen.slopes.shape[:2], -1)
         risen = (residual - self.seen.residual).reshape(len(J), -1) / self.settings.glimpse
         straight = np.einsum("rin,ri->rn", J, self.layout.T @ move)
@@ -264,7 +266,7 @@ class Descent:
         self.slow = self.slow + 1 if gain < tolerance * min(self.cost, self.count) else 0
         low, high = self.settings.foreseen_low, self.settings.foreseen_high
         well = low * self.ahead < fallen < high * self.ahead
-        well = well and self.kept < self.settings.longest_kept
+        well = well and self.kept < self.settings.longest_kept and self.seen.slopes is not None
         if self.slow >= self.settings.patience and (well or self.kept == 1):
             self.converged, self.active = True, False
         self.stale = self.active and not (well and self.slow < self.settings.patience)

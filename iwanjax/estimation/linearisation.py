@@ -18,15 +18,15 @@ class Linearisation(NamedTuple):
         J^T J.
     residual : (groups, N, sensors) array
         e, weighted.
-    slopes : (groups, directions, N, sensors) array
-        J, its derivatives.
+    slopes : (groups, directions, N, sensors) array or None
+        J, its derivatives; None where they are too many to be kept.
     """
 
     misfit: np.ndarray
     moment: np.ndarray
     normal: np.ndarray
     residual: np.ndarray
-    slopes: np.ndarray
+    slopes: np.ndarray | None
 
     @classmethod
     def of(cls, residual: np.ndarray, slopes: np.ndarray) -> "Linearisation":
@@ -50,7 +50,16 @@ class Linearisation(NamedTuple):
             u.
         residual : (groups, N, sensors) array
             After it.
+
+        Returns
+        -------
+        Linearisation
+            Without derivatives kept, as foreseen before the move but for the residual.
         """
+        if self.slopes is None:
+            ahead = np.einsum("rij,rj->ri", self.normal, move)
+            square = np.sum(residual**2, axis=(1, 2))
+            return Linearisation(square, self.moment + ahead, self.normal, residual, None)
         G, V = move.shape
         J = self.slopes.reshape(G, V, -1)
         weighed = np.einsum("rii->ri", self.normal) * move

@@ -1,5 +1,6 @@
 """Columns of the score test: what a little of every effect would change in the residuals."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -77,10 +78,13 @@ def columns(
     """
     fixed, at = _about(problem, base)
     shown = jax.device_put(_shown(problem, base))
+    # Each brings a push of its own beside the change that this makes.
+    threads, each = problem.at_once(available_threads(), 2 * _AT_ONCE)
+    at_once = max(1, each // 2)
 
     def run(first: int) -> np.ndarray:
-        own = effects[first : first + _AT_ONCE]
-        padded = [*own, *[own[-1]] * (_AT_ONCE - len(own))]
+        own = effects[first : first + at_once]
+        padded = [*own, *[own[-1]] * (at_once - len(own))]
         arrays = zip(*((unit.row, unit.force, unit.fault) for unit in padded), strict=True)
         row, force, fault = jax.device_put(tuple(map(np.stack, arrays)))
         (found,) = responses(*fixed, Small(row, force, fault, shown), *at)
@@ -90,8 +94,8 @@ def columns(
         return np.zeros((0, *problem.data.response.shape))
     # The first alone, for two would both compile the kernel.
     first = run(0)
-    with ThreadPoolExecutor(available_threads()) as pool:
-        return np.concatenate([first, *pool.map(run, range(_AT_ONCE, len(effects), _AT_ONCE))])
+    with ThreadPoolExecutor(threads) as pool:
+        return np.concatenate([first, *pool.map(run, range(at_once, len(effects), at_once))])
 
 
 def _about(
@@ -135,6 +139,18 @@ def unit_effects(
         for i, (place, shapes) in enumerate(zip(places, grid, strict=bool(grid)))
         for j, shape in enumerate(shapes)
     ]
+
+
+def by_memory(
+    problem: HistoryProblem, kinds: Sequence[Kind], places: Sequence[Place]
+) -> list[Sequence[Place]]:
+    """Places in groups whose unit forces fit into the memory."""
+    own = [kind for kind in problem.predictor.kinds if kind in kinds]
+    count = sum(max(map(len, _grid(kind, places)), default=0) for kind in own)
+    # As a kernel makes them, and as it hands them over.
+    one = 2 * 8 * math.prod(problem.data.push.shape[:3])
+    size = max(1, problem.settings.memory.kernels // max(1, count * one))
+    return [places[i : i + size] for i in range(0, len(places), size)]
 
 
 def _grid(kind: ForceKind, places: Sequence[Place]) -> list[tuple[float, ...]]:

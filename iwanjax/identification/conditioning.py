@@ -18,8 +18,7 @@ from iwanjax.identification.recordings import (
     CleanForce,
     StudyRecording,
     cleaned,
-    noise_of,
-    quietest,
+    own_noise,
 )
 from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
 from iwanjax.signals.comparison_band import HALF, OF_NOISE
@@ -36,7 +35,7 @@ class ConditionedRecordings:
     data : Data
         As the predictor takes them.
     noise : (recordings, sensors) array
-        Standard deviation of each sensor's noise.
+        Standard deviation of each sensor's noise; NaN for one that a recording lacks.
     warnings : tuple of str
         What is odd about them.
     forces : MeasuredForces, optional
@@ -133,19 +132,13 @@ def conditioned(
     at_end, cut = _at_end(made, modal), np.zeros(len(recordings), bool)
     for i, each in enumerate(recordings):
         require_usable(each, settings)
-        response = each.response.astype(float)
+        response, lacking = each.response.astype(float), ~each.measured
         missing = (0, length - len(response))
         kick = np.zeros(length)
         felt, unsure = np.zeros_like(response), np.zeros((2 * made.kept, 0))
         push = np.zeros((length, made.substeps, 2 * made.kept + at_end.shape[1]))
-        if each.force is None:
-            own = noise_of(response, 0, settings)
-        else:
+        if each.force is not None:
             force = cleaned(each.force.astype(float), beside, settings)
-            busy = force.endless or each.moving
-            own = (
-                quietest(response, settings) if busy else noise_of(response, force.first, settings)
-            )
             forces[i, : len(response)] = force.clean
             felt = _felt(made, modal, force, settings)
             unsure = _unsure(made, modal, force, settings)
@@ -157,7 +150,10 @@ def conditioned(
                 # Accelerations follow the force at once, at the first sample too.
                 push[0, -1, 2 * made.kept :] = force.clean[0] @ at_end
             warnings += _odd(each, force)
-        noise = np.where(np.isnan(known_noise), own, known_noise)
+        noise = each.noise
+        if noise is None:
+            noise = np.where(np.isnan(known_noise), own_noise(each, settings), known_noise)
+        noise = np.where(lacking, np.nan, noise)
         if each.moving:
             # From its own beginning, instead of after a pulse.
             kick[:], kick[0] = 0.0, 1.0
@@ -167,11 +163,11 @@ def conditioned(
         allowed = np.hypot(settings.model_error, np.asarray(made.shape_error))
         deviation = np.sqrt(noise**2 + (allowed * rms) ** 2)
         weight = 1.0 / (OF_NOISE * np.sqrt(deviation**2 + felt**2))
-        weight[:HALF] = weight[-HALF:] = 0.0
+        weight[:HALF] = weight[-HALF:] = weight[:, lacking] = 0.0
         rows.append(
             (
                 push,
-                np.pad(response, (missing, (0, 0))),
+                np.pad(np.where(lacking, 0.0, response), (missing, (0, 0))),
                 np.pad(weight, (missing, (0, 0))),
                 kick,
                 np.pad(unsure, ((0, 0), (0, directions - unsure.shape[1]))),
@@ -200,8 +196,11 @@ def directions_of(
 
 
 def require_usable(each: StudyRecording, settings: ConditioningSettings = CONDITIONING) -> None:
-    """Refuse what is not finite, too short, or shows nothing."""
-    for array, what in ((each.response, "response"), (each.force, "force")):
+    """Refuse what is not finite, too short, or shows nothing; a sensor may be missing."""
+    if not np.any(each.measured):
+        raise InputError(f"{each.name}: response holds NaN throughout; expected a sensor")
+    response = each.response[:, each.measured]
+    for array, what in ((response, "response"), (each.force, "force")):
         if array is not None and not np.all(np.isfinite(array)):
             raise InputError(f"{each.name}: {what} holds NaN or infinite values")
     if each.force is not None and not np.any(each.force):
@@ -211,7 +210,8 @@ def require_usable(each: StudyRecording, settings: ConditioningSettings = CONDIT
         )
     silent = np.flatnonzero(~np.any(each.response, axis=0))
     if silent.size:
-        raise InputError(f"{each.name}: sensor {silent[0]} shows nothing at all; leave it out")
+        which = np.flatnonzero(each.measured)[silent[0]]
+        raise InputError(f"{each.name}: sensor {which} shows nothing at all; leave it out")
     if len(each.response) < settings.least:
         raise InputError(f"{each.name}: {len(each.response)} samples are too few to diagnose")
 

@@ -100,6 +100,8 @@ def _run(
     predictor = predictor.with_errors(values.z)
     run = _Run.of(predictor, joints, suspects, values, data.push)
     kick = data.unsure @ values.state
+    # A sensor that this recording lacks corrects nothing.
+    there = jnp.any(data.weight > 0, axis=0)
 
     def step(at: _State, felt: Array) -> tuple[_State, Any]:
         at, motion = run.step(at, felt)
@@ -112,7 +114,7 @@ def _run(
         at, motion = jax.lax.scan(step, at, felt)
         at = at._replace(z=at.z + kicked * kick)
         shown, chain = run.chained(run.seen(at, push), at.chain)
-        e = y - shown
+        e = jnp.where(there, y - shown, 0.0)
         return at._replace(z=at.z + gain @ e, chain=chain), (e, motion)
 
     measured = (data.push[:, -1], run.felt, data.response, data.kick)

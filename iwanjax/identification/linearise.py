@@ -21,19 +21,29 @@ _Found = TypeVar("_Found")
 
 
 def linearise(
-    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
+    problem: HistoryProblem,
+    points: Sequence[tuple[Hypothesis, np.ndarray]],
+    time_constant: float,
+    keep: bool = True,
 ) -> list[Linearisation]:
-    """Residuals and their derivatives, for (hypothesis, theta of each recording)."""
+    """Residuals and their derivatives, for (hypothesis, theta of each recording).
+
+    Without ``keep`` what least squares needs of the derivatives, not they themselves.
+    """
     if not points:
         return []
+    if not keep:
+        one_by_one = (linearise(problem, [point], time_constant) for point in points)
+        return [seen._replace(slopes=None) for (seen,) in one_by_one]
     gains = problem.gains([h.suspects for h, _ in points], _means(points), time_constant)
     values = points[0][1].shape[1]
     # Derivatives come in as many parts as there are threads, so that none waits for a hypothesis
     # on its own; more parts than derivatives would be empty.
     threads = min(available_threads(), values)
-    size = math.ceil(values / threads)
+    threads, size = problem.at_once(threads, math.ceil(values / threads))
+    count = math.ceil(values / size)
     # All parts are of one size, for one kernel.
-    ways = np.eye(threads * size, values)
+    ways = np.eye(count * size, values)
     turned = np.zeros((len(points), len(ways), *gains.gain.shape[1:]))
     turned[:, : gains.slope.shape[1]] = gains.slope
 
@@ -41,17 +51,17 @@ def linearise(
     J = np.empty((len(points), problem.recordings, len(ways), *problem.data.response.shape[1:]))
 
     def run(i: int) -> np.ndarray:
-        point, part = i // threads, slice(i % threads * size, (i % threads + 1) * size)
+        point, part = i // count, slice(i % count * size, (i % count + 1) * size)
         fixed = _fixed(problem, *points[point])
         along = jax.device_put((ways[part], gains.gain[point], turned[point, part]))
         e, J[point, :, part] = kernels.slopes(*fixed, *along, data[point])
         return np.asarray(e)
 
     slots = points[0][0].suspects.row.shape[0]
-    found = _each(problem, ("slopes", slots), threads * len(points), run)
+    found = _each(problem, ("slopes", slots), count * len(points), run, threads)
     for (point, value), own in _by_faulty_forces(problem, points, gains.gain):
         J[point, :, value] = own
-    seen = zip(points, gains.gain, found[::threads], J[:, :, :values], strict=True)
+    seen = zip(points, gains.gain, found[::count], J[:, :, :values], strict=True)
     return [
         Linearisation.of(*without_added(problem, *point, gain, e, own))
         for point, gain, e, own in seen
@@ -82,7 +92,8 @@ def _by_faulty_forces(
         return np.asarray(e)
 
     slots = points[0][0].suspects.row.shape[0]
-    found = _each(problem, ("residuals", slots), 2 * len(which), run) if which else []
+    threads, _ = problem.at_once(available_threads(), 1)
+    found = _each(problem, ("residuals", slots), 2 * len(which), run, threads) if which else []
     changes = (a - b for a, b in zip(found[::2], found[1::2], strict=True))
     return list(zip(which, (x / (2.0 * DIFFERENCE) for x in changes), strict=True))
 
@@ -117,7 +128,8 @@ def _residuals(
         return without_added(problem, *points[i], gains[i], e, e[:, None][:, :0])[0], left
 
     slots = points[0][0].suspects.row.shape[0]
-    return _each(problem, ("residuals", slots), len(points), run)
+    threads, _ = problem.at_once(available_threads(), 1)
+    return _each(problem, ("residuals", slots), len(points), run, threads)
 
 
 def _means(points: Sequence[tuple[Hypothesis, np.ndarray]]) -> np.ndarray:
@@ -131,12 +143,16 @@ def _fixed(
 
 
 def _each(
-    problem: HistoryProblem, kernel: tuple[str, int], count: int, run: Callable[[int], _Found]
+    problem: HistoryProblem,
+    kernel: tuple[str, int],
+    count: int,
+    run: Callable[[int], _Found],
+    threads: int,
 ) -> list[_Found]:
     """All jobs side by side; the first alone while a kernel is compiled: two would both do it."""
     made = (*kernel, problem.data.response.shape[1])
     alone = 0 if made in problem.compiled else 1
     found = [run(i) for i in range(alone)]
     problem.compiled.add(made)
-    with ThreadPoolExecutor(available_threads()) as pool:
+    with ThreadPoolExecutor(threads) as pool:
         return [*found, *pool.map(run, range(alone, count))]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -122,16 +122,22 @@ class _Innovations:
     problem: HistoryProblem
     time_constant: float
     count: float
+    keep: bool
 
     def residuals(self, points: Sequence[tuple[Hypothesis, np.ndarray]]) -> list[np.ndarray]:
         return residuals_at(self.problem, points, self.time_constant)
 
     def linearise(self, points: Sequence[tuple[Hypothesis, np.ndarray]]) -> list[Linearisation]:
-        return linearise(self.problem, points, self.time_constant)
+        return linearise(self.problem, points, self.time_constant, self.keep)
 
 
-def _innovations(problem: HistoryProblem, time_constant: float) -> _Innovations:
-    return _Innovations(problem, time_constant, values_measured(problem))
+def _innovations(
+    problem: HistoryProblem, starts: Sequence[SearchStart], time_constant: float
+) -> _Innovations:
+    """Of searches side by side, which keep their derivatives where there is memory for all."""
+    values = sum(len(each.layout.base[0]) for each in starts)
+    keep = values * problem.data.response.nbytes <= problem.settings.memory.derivatives
+    return _Innovations(problem, time_constant, values_measured(problem), keep)
 
 
 def laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray]:
@@ -208,7 +214,8 @@ def foreseen(problem: HistoryProblem, starts: Sequence[Start], time_constant: fl
         Infinite where the model breaks down.
     """
     own = [_search_start(problem, start) for start in starts]
-    return [each.foreseen for each in searches.begun(_innovations(problem, time_constant), own)]
+    residuals = _innovations(problem, own, time_constant)
+    return [each.foreseen for each in searches.begun(residuals, own)]
 
 
 def multistart(
@@ -253,9 +260,10 @@ def multistart(
     list of HypothesisFit
         One for each start.
     """
+    own = [_search_start(problem, start) for start in starts]
     found = searches.multistart(
-        _innovations(problem, time_constant),
-        [_search_start(problem, start) for start in starts],
+        _innovations(problem, own, time_constant),
+        own,
         steps,
         tolerance=tolerance,
         give_up=give_up,
@@ -284,7 +292,7 @@ def moved(problem: HistoryProblem, fitted: HypothesisFit, change: np.ndarray) ->
     start = _search_start(problem, fitted.start)
     there = fitted.x.copy()
     there[: len(change)] += change
-    residuals = _innovations(problem, fitted.time_constant)
+    residuals = _innovations(problem, [start], fitted.time_constant)
     (descent,) = searches.begun(residuals, [start._replace(x=there)])
     descent.converged = fitted.converged
     return _fitted(problem, fitted.hypothesis, descent.solution(), fitted.time_constant)
@@ -340,8 +348,8 @@ def with_states_of_decays(
     layout = Layout(base, T, np.ones(len(free)))
     x = np.array([rows[r, i] for r, i in free])
     for time_constant in _OF_DECAYS:
-        residuals = _Innovations(problem, time_constant, math.inf)
         start = SearchStart(layout, x, hypothesis)
+        residuals = replace(_innovations(problem, [start], time_constant), count=math.inf)
         (found,) = searches.multistart(residuals, [start], _STEPS_OF_DECAYS)
         x = found.x
     return layout.values(x)

@@ -129,7 +129,7 @@ def state_at_beginning(
     made : Predictor
         Of the structure, its joints at their given stiffness.
     response : (N, sensors) array
-        As measured.
+        As measured; NaN throughout for a sensor that is missing.
     noise : (sensors,) array
         Deviations.
     push : (N, substeps, states) array
@@ -144,14 +144,16 @@ def state_at_beginning(
     """
     dt = float(made.dt) * made.substeps
     A, H = made.linear(np.asarray(made.stiffness), made.blank(), np.zeros(1))
+    there = ~np.all(np.isnan(response), axis=0)
+    H, noise = H[there], noise[there]
     back = stepped(-A, dt)
     size = process_noise(back, H / noise[:, None], dt, settings.back_time_constant)
     gain = observer_gain(back, H / noise[:, None], dt, size) / noise
     omega = np.sqrt(np.maximum(np.asarray(made.omega2), 1.0))
     count = min(len(response), int(settings.back_cycles * 2.0 * np.pi / (omega.min() * dt)) + 1)
-    forced, seen = np.zeros((count + 1, len(A))), response[:count].astype(float)
+    forced, seen = np.zeros((count + 1, len(A))), response[:count, there].astype(float)
     forced[:count] = _over_a_sample(made, push[:count, :, : len(A)])
-    seen = seen - made.at_once(push[:count, -1])
+    seen = seen - made.at_once(push[:count, -1])[:, there]
     z = np.zeros(len(A))
     for y, more in zip(seen[::-1], forced[:0:-1], strict=True):
         z = back @ (z - more)

@@ -39,13 +39,15 @@ def followed(problem: HistoryProblem) -> Followed:
     kept, substeps = predictor.kept, predictor.substeps
     short = stepped(A, float(predictor.dt))
     push, y = np.asarray(problem.data.push), np.asarray(problem.data.response)
+    # A sensor that a recording lacks corrects nothing in it.
+    there = np.any(np.asarray(problem.data.weight) > 0, axis=1)
     direct = predictor.at_once(push[:, :, -1])
     z = np.zeros((y.shape[0], 2 * kept))
     states = np.zeros((*y.shape[:2], 2 * kept))
     for n in range(y.shape[1]):
         for k in range(substeps):
             z = z @ short.T + push[:, n, k, : 2 * kept]
-        z = z + (y[:, n] - direct[:, n] - z @ H.T) @ gain.T
+        z = z + (there * (y[:, n] - direct[:, n] - z @ H.T)) @ gain.T
         states[:, n] = z
     return Followed(states[..., :kept], states[..., kept:])
 
@@ -73,11 +75,11 @@ def places_of(
     problem: HistoryProblem, seen: Followed, rows: dict[str, np.ndarray]
 ) -> tuple[Place, ...]:
     """Places by their rows on all modes, with the largest deflection and the main period."""
-    weight = np.asarray(problem.data.weight)[..., :1] > 0
+    seen_at = np.any(np.asarray(problem.data.weight) > 0, axis=2)
     kept = problem.predictor.kept
     found = []
     for label, row in rows.items():
-        d, v = (np.where(weight[..., 0], x @ row[:kept], 0.0) for x in seen)
+        d, v = (np.where(seen_at, x @ row[:kept], 0.0) for x in seen)
         largest = float(np.max(np.abs(d)))
         rate = float(np.sqrt(np.mean(v**2)))
         period = 2.0 * np.pi * float(np.sqrt(np.mean(d**2))) / rate if rate > 0 else 1.0

@@ -80,7 +80,7 @@ class Data(NamedTuple):
         What the forces do over each step that leads to a sample: to q, to v, their modal
         forces at its end, those of the modes left out, and the acceleration of the ground.
     response : (recordings, N, sensors) array
-        As measured.
+        As measured; zero for a sensor that a recording lacks.
     weight : (recordings, N, sensors) array
         One over the deviation that a residual may have in the band that is compared; zero
         where nothing was measured.

@@ -21,7 +21,8 @@ class StudyRecording:
     name : str
         For reports.
     response : (N, sensors) array
-        As measured, all recordings with the same sensors in the same order.
+        As measured, the sensors of all recordings in one order; NaN throughout for a sensor that
+        this one lacks.
     force : (N, inputs) array or None
         As measured, zero for inputs that were not hit; None for a free decay, which begins
         when nothing touches the structure any more.
@@ -29,6 +30,9 @@ class StudyRecording:
         Whether a fit may see it.
     initial : {"rest", "unknown", "periodic"} or None
         The state in which it begins; None leaves that to its data.
+    noise : (sensors,) array or None
+        Standard deviation of each sensor's noise where the samples do not show it any more, as
+        in a recording that was resampled.
     """
 
     name: str
@@ -36,6 +40,12 @@ class StudyRecording:
     force: Float[np.ndarray, "N inputs"] | None
     use: Literal["fit", "hold_out"] = "fit"
     initial: Initial | None = None
+    noise: Float[np.ndarray, " sensors"] | None = None
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Which sensors it has, (sensors,)."""
+        return ~np.all(np.isnan(self.response), axis=0)
 
     @property
     def moving(self) -> bool:
@@ -136,7 +146,7 @@ def common_noise(
     Parameters
     ----------
     recordings : sequence of StudyRecording
-        All with the same sensors.
+        Their sensors in one order.
     settings : ConditioningSettings
         Of the stage.
 
@@ -146,13 +156,17 @@ def common_noise(
         NaN where nothing was measured before a force, or recordings differ: a range that was
         switched between them.
     """
-    quiet = [each.quiet for each in recordings if len(each.quiet) >= settings.enough]
+    quiet = [each.quiet for each in recordings if each.noise is None]
+    quiet = [each for each in quiet if len(each) >= settings.enough]
     if not quiet:
         return np.full(recordings[0].response.shape[1], np.nan)
     variances = np.stack([np.var(each, axis=0, ddof=1) for each in quiet])
+    seen = ~np.isnan(variances)
     freedoms = np.array([len(each) - 1.0 for each in quiet])
-    alike = variances.max(axis=0) < settings.other_noise * variances.min(axis=0)
-    return np.where(alike, np.sqrt(freedoms @ variances / freedoms.sum()), np.nan)
+    largest, least = np.where(seen, variances, 0.0), np.where(seen, variances, np.inf)
+    alike = largest.max(axis=0) < settings.other_noise * least.min(axis=0)
+    count = np.where(alike & np.any(seen, axis=0), freedoms @ seen, np.nan)
+    return np.sqrt(freedoms @ largest / count)
 
 
 def quietest(response: np.ndarray, settings: ConditioningSettings = CONDITIONING) -> np.ndarray:
@@ -172,6 +186,19 @@ def quietest(response: np.ndarray, settings: ConditioningSettings = CONDITIONING
     which = np.floor(f * count / END).astype(int)
     found = [np.mean(density[which == band], axis=0) for band in range(count)]
     return np.sqrt(0.5 * np.min(found, axis=0))
+
+
+def own_noise(
+    recording: StudyRecording, settings: ConditioningSettings = CONDITIONING
+) -> np.ndarray:
+    """Of a recording's sensors by itself, (sensors,); NaN for one that it lacks."""
+    response = recording.response.astype(float)
+    if recording.force is None:
+        return noise_of(response, 0, settings)
+    force = cleaned(recording.force.astype(float), settings=settings)
+    if force.endless or recording.moving:
+        return quietest(response, settings)
+    return noise_of(response, force.first, settings)
 
 
 def noise_of(

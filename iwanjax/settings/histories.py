@@ -343,6 +343,8 @@ class IllustrationSettings:
         Amplitudes that frequency and damping are compared at.
     bins, fewest : int
         Of the recovered force along the deflection, and the fewest samples of one.
+    longest : int, samples
+        That a force is recovered from, the first ones: each keeps covariances of the whole state.
     """
 
     band: float = 0.2
@@ -351,6 +353,26 @@ class IllustrationSettings:
     levels: int = 9
     bins: int = 25
     fewest: int = 4
+    longest: int = 10_000
+
+
+@dataclass(frozen=True)
+class MemorySettings:
+    """What may be held at once of all that grows with the number of samples.
+
+    Both together, and what a problem itself takes, stay below 4 GB.
+
+    Attributes
+    ----------
+    derivatives : int, bytes
+        Of all searches side by side; where they are more, none keeps its own, but works them out
+        again after every step.
+    kernels : int, bytes
+        That kernels side by side, and forces of size 1 that are to be judged, may take.
+    """
+
+    derivatives: int = 2**30
+    kernels: int = 2**30
 
 
 @dataclass(frozen=True)
@@ -365,6 +387,7 @@ class HistorySettings:
     slow_effects: SlowEffectSettings = SlowEffectSettings()
     steps: StepSettings = StepSettings()
     illustration: IllustrationSettings = IllustrationSettings()
+    memory: MemorySettings = MemorySettings()
 
 
 HISTORIES = HistorySettings()

@@ -14,6 +14,7 @@ from iwanjax.discrepancy.steady.cycle import InteractingMode
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.errors import InputError
+from iwanjax.identification.resampling import at_one_rate
 from iwanjax.settings.histories import CONDITIONING
 from iwanjax.signals import ForceLoop, Recording
 from iwanjax.studies.fits import of_one_quantity
@@ -192,18 +193,21 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
             f"{study.label}: no recordings of kind transient, free_decay, curves or loop; diagnose "
             "needs time histories, curves of modes, or loops of joints"
         )
-    sensors, quantity, rate = _common(study, [recording for _, _, recording in measured])
+    sensors, quantity = _common(study, [recording for _, _, recording in measured])
     transients = [
         StudyRecording(
             name,
-            np.asarray(recording.response),
+            _responses(recording, sensors),
             None if entry.kind == "free_decay" else _forces(study, recording, entry.place),
             entry.use,
             entry.initial,
         )
         for entry, name, recording in measured
     ]
-    return diagnose_histories(
+    rates = [recording.sampling_rate for _, _, recording in measured]
+    given = np.array([study.noise.get(name, math.nan) for name in sensors])
+    transients, rate, resampled = at_one_rate(transients, rates, given)
+    verdict = diagnose_histories(
         structure,
         transients,
         rate,
@@ -218,25 +222,15 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
         seed=study.seed,
         progress=progress,
     )
+    return replace(verdict, warnings=(*verdict.warnings, *resampled)) if resampled else verdict
 
 
-def _common(study: StudySetup, recordings: list[Recording]) -> tuple[list[str], Any, float]:
-    """Sensors, quantity and sampling rate that all recordings have in common."""
+def _common(study: StudySetup, recordings: list[Recording]) -> tuple[list[str], Any]:
+    """Sensors of all recordings, and the quantity that they have in common."""
     assert study.model is not None
-    first = recordings[0]
-    names = [channel.name for channel in first.channels]
-    quantities = {channel.quantity for recording in recordings for channel in recording.channels}
-    for recording in recordings:
-        if [channel.name for channel in recording.channels] != names:
-            raise InputError(
-                f"{study.label}: recordings with different sensors; expected {', '.join(names)} in "
-                "all"
-            )
-        if not math.isclose(recording.sampling_rate, first.sampling_rate, rel_tol=1e-6):
-            raise InputError(
-                f"{study.label}: recordings of {first.sampling_rate:g} and "
-                f"{recording.sampling_rate:g} Hz; expected one sampling rate"
-            )
+    channels = [channel for recording in recordings for channel in recording.channels]
+    names = list(dict.fromkeys(channel.name for channel in channels))
+    quantities = {channel.quantity for channel in channels}
     unknown = [name for name in names if name not in study.model.sensors]
     if unknown:
         raise InputError(
@@ -248,7 +242,7 @@ def _common(study: StudySetup, recordings: list[Recording]) -> tuple[list[str], 
             f"{study.label}: sensors measure {', '.join(sorted(map(str, quantities)))}; expected "
             "all acceleration, velocity or displacement"
         )
-    return names, quantities.pop(), first.sampling_rate
+    return names, quantities.pop()
 
 
 def _part(entry: RecordingEntry, recording: Recording) -> Recording:
@@ -265,6 +259,14 @@ def _part(entry: RecordingEntry, recording: Recording) -> Recording:
             f"{CONDITIONING.least} at least"
         )
     return part
+
+
+def _responses(recording: Recording, sensors: list[str]) -> np.ndarray:
+    """Responses of all sensors of the study, NaN where this recording has none."""
+    response = np.full((recording.size, len(sensors)), np.nan)
+    at = [sensors.index(channel.name) for channel in recording.channels]
+    response[:, at] = recording.response
+    return response
 
 
 def _forces(study: StudySetup, recording: Recording, place: str) -> np.ndarray:

@@ -129,6 +129,10 @@ def diagnose_histories(
     _check(recordings, len(rows_in), len(rows_out))
     for each in recordings:
         require_usable(each)
+    lacking = np.flatnonzero(~np.any([each.measured for each in recordings], axis=0))
+    if lacking.size:
+        name = tuple(sensors)[lacking[0]]
+        raise InputError(f"diagnose: no recording has sensor {name}; leave it out")
     rigid = len(structure.basis.omega2) < structure.structure.size
     recordings, taken_off = without_offsets(
         recordings, list(sensors), list(inputs), quantity, rigid

@@ -46,7 +46,7 @@ def observables(
             band = _band(frequency[elastic], number, known)
             if band[1] > known.highest * sampling_rate:
                 break
-            channel = int(np.argmax(shapes[:, mode]))
+            channel = int(np.argmax(shapes[:, mode] * np.any(measured != 0, axis=0)))
             quiet = np.all(measured == 0, axis=1)
             both = [
                 _curves(x[~quiet, channel], sampling_rate, band, predictor.quantity)

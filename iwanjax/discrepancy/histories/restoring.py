@@ -53,7 +53,7 @@ def restoring_force(
     run, prior = _closest(problem, best, slot)
     found = _recovered(problem, best, slot, run, prior)
     hardest, end = run.recording, len(found.force)
-    used = np.asarray(problem.data.weight)[hardest, :, 0] > 0
+    used = np.any(np.asarray(problem.data.weight)[hardest] > 0, axis=1)
     quiet = ~np.any(np.asarray(problem.data.push)[hardest] != 0, axis=(1, 2))
     known = problem.settings.illustration
     if np.count_nonzero(used & quiet) >= known.bins * known.fewest:
@@ -143,7 +143,8 @@ def _run(
     data = problem.data_with(fit.hypothesis, fit.theta)
     whole = AtSamples(*observed(predictor, problem.joints, suspects, *varied, data))
     d, v, a, force = (np.asarray(x) for x in whole[1:])
-    on = np.asarray(problem.data.weight)[..., 0] > 0
+    on = np.any(np.asarray(problem.data.weight) > 0, axis=2)
+    on[:, problem.settings.illustration.longest :] = False
     if recording is None:
         largest = np.max(np.where(on, np.abs(d[..., slot]), 0.0), axis=1)
         recording = int(np.argmax(largest))
@@ -199,7 +200,8 @@ def _precision(problem: HistoryProblem, recording: int) -> np.ndarray:
     noise is estimated.
     """
     weight = np.asarray(problem.data.weight)[recording] * OF_NOISE
-    usual = np.max(weight, axis=0)
+    # Of a sensor that this recording lacks any would do.
+    usual = np.where(np.any(weight, axis=0), np.max(weight, axis=0), 1.0)
     on = weight > 0
     more = 1.0 / np.where(on, weight, usual) ** 2 - 1.0 / usual**2
     return on / np.sqrt(problem.noise**2 + more)

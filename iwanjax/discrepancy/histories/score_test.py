@@ -12,6 +12,7 @@ from iwanjax.effects.kinds import JointKind, Kind
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import (
     UnitEffect,
+    by_memory,
     columns,
     columns_at_rest,
     force_faults,
@@ -120,12 +121,11 @@ def score_test(
 
     if not in_time():
         return []
-    forces = unit_effects(problem, base, kinds, places)
     of_channels = [
         *sensor_faults(problem, kinds, sensors, z),
         *force_faults(problem, kinds, inputs, z),
     ]
-    for unit, size, drop in _judged(problem, base, forces, of_channels, rated, in_time):
+    for unit, size, drop in _judged(problem, base, kinds, places, of_channels, rated, in_time):
         if size != 0 and not (unit.kind.positive and size < 0):
             propose(unit.kind, unit.where, drop, partial(unit.sized, size))
     if not in_time():
@@ -145,16 +145,24 @@ def score_test(
 def _judged(
     problem: HistoryProblem,
     base: HypothesisFit,
-    forces: Sequence[UnitEffect],
+    kinds: Sequence[Kind],
+    places: Sequence[Place],
     of_channels: Sequence[UnitEffect],
     rated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     in_time: Callable[[], bool],
 ) -> Iterator[tuple[UnitEffect, float, float]]:
     """All with size and drop: about the motion itself, but for forces that promise little."""
-    found, most = np.zeros((2, len(forces))), problem.settings.selection.moving
-    if len(forces) > most:
-        for which, made in columns_at_rest(problem, base, forces):
-            found[:, which] = rated(made)
+    found, most = np.zeros((2, 0)), problem.settings.selection.moving
+    forces: list[UnitEffect] = []
+    groups = by_memory(problem, kinds, places)
+    for group in groups:
+        more = unit_effects(problem, base, kinds, group)
+        own = np.zeros((2, len(more)))
+        if len(groups) > 1 or len(more) > most:
+            for which, made in columns_at_rest(problem, base, more):
+                own[:, which] = rated(made)
+        found, forces = np.hstack([found, own]), [*forces, *more]
+        forces = _remembered(forces, np.argsort(-found[1], kind="stable")[:most])
     if not in_time():
         return
     best = np.argsort(-found[1], kind="stable")[:most]
@@ -164,6 +172,17 @@ def _judged(
     found = np.hstack([found, exact[:, len(best) :]])
     for unit, (size, drop) in zip([*forces, *of_channels], found.T.tolist(), strict=True):
         yield unit, size, drop
+
+
+def _remembered(forces: Sequence[UnitEffect], best: np.ndarray) -> list[UnitEffect]:
+    """The same, the histories of all but the best forgotten."""
+    kept = set(best.tolist())
+    if len(kept) == len(forces):
+        return list(forces)
+    return [
+        unit._replace(force=unit.force.copy() if i in kept else unit.force[:0].copy())
+        for i, unit in enumerate(forces)
+    ]
 
 
 def _explained(problem: HistoryProblem, made: np.ndarray, shared: int) -> np.ndarray:
@@ -223,11 +242,13 @@ def _as_they_are(
 ) -> list[tuple[Start, float]]:
     """Drops of faults that are tried as they are, beside the others: limits and wrong signs."""
     largest = np.max(np.abs(np.asarray(problem.data.response)), axis=(0, 1))
+    # Of some sensors only recordings that are held out may have any.
+    there = [(i, label) for i, label in enumerate(sensors) if largest[i] > 0.0]
     largest *= problem.settings.selection.cut
     starts = [
         hypotheses.sensor(problem, kind, i, label, z, size)
         for kind in sensor_faults_of(kinds)
-        for i, label in enumerate(sensors)
+        for i, label in there
         for size in kind.tried(float(largest[i]))
     ]
     if problem.forces is not None:
@@ -248,7 +269,7 @@ def _as_they_are(
         starts += [
             hypotheses.added(problem, tuned, i, label, z)
             for kind in added
-            for i, label in enumerate(sensors)
+            for i, label in there
             if (tuned := kind.tuned(left[..., i], dt)) is not None
         ]
     if not starts:

@@ -247,7 +247,7 @@ class StepRefinement:
         """With so many steps between samples."""
         by, modal = self.made(substeps)
         sides = StudyData.of(self.recordings, by, modal, self.noise, self.settings.conditioning)
-        noise = np.median(sides.fitted.noise, axis=0)
+        noise = _usual(sides)
         data = sides.fitted.data
         forces = sides.fitted.forces
         problem = HistoryProblem(by, self.joints, data, noise, sides.order, self.settings, forces)
@@ -301,6 +301,16 @@ def changed(
         )
         changes[time_constant] = float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2)))))
     return Change.most(changes, same)
+
+
+def _usual(sides: StudyData) -> np.ndarray:
+    """Deviation of each sensor's noise in the recordings to fit, else in those held out."""
+    own = [sides.fitted.noise, *(each.noise for each, _ in sides.held)]
+    found = [
+        next(part for x in own if (part := x[~np.isnan(x[:, i]), i]).size)
+        for i in range(own[0].shape[1])
+    ]
+    return np.array([np.median(each) for each in found])
 
 
 def of_own_motion(

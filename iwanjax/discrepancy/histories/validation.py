@@ -167,7 +167,7 @@ def _free(
     if np.any(decays):
         rows = with_states_of_decays(here, fitted.hypothesis, rows, decays)
     (seen,) = linearise(here, [(fitted.hypothesis, rows)], math.inf)
-    compared, variance = (weight > 0).astype(float), those.noise**2
+    compared, variance = (weight > 0).astype(float), np.nan_to_num(those.noise) ** 2
     own = OF_NOISE**2 * np.sum(np.sum(compared, axis=1) * variance, axis=1)
     # What the forces' noise does to the state after the pulse, of deviation 1 each.
     kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]

@@ -187,10 +187,21 @@ def structure():
     return ij.JointedStructure(linear, {"J1": (ROWS["J1"], joint)})
 
 
+WITHOUT_A2 = np.column_stack([np.sin(np.arange(400.0)), np.full(400, np.nan)])
+
+
+def one_nan():
+    response = np.sin(np.arange(800.0)).reshape(400, 2)
+    response[7, 0] = np.nan
+    return response
+
+
 BAD = {
     "no fit": ({"use": "hold_out"}, {}, "no recording to fit"),
     "force": ({"force": np.zeros((400, 2))}, {}, "rec: the force is zero throughout"),
     "NaN": ({"response": np.full((400, 2), np.nan)}, {}, "rec: response holds NaN"),
+    "some NaN": ({"response": one_nan()}, {}, "rec: response holds NaN"),
+    "no sensor": ({"response": WITHOUT_A2}, {}, "no recording has sensor a2"),
     "dead": ({"response": np.zeros((400, 2))}, {}, "rec: sensor 0 shows nothing"),
     "short": ({"response": np.ones((20, 2)), "force": np.ones((20, 2))}, {}, "20 samples are too"),
     "sensors": ({"response": np.ones((400, 3))}, {}, r"expected \(N, 2\)"),

@@ -20,24 +20,28 @@ def _pulse(t: float, peak: float) -> float:
     return peak * np.sin(np.pi * (t - 0.04) / 0.01) ** 2 if 0.04 < t < 0.05 else 0.0
 
 
-def _recorded(law: Law, struck: int, peak: float, use: str) -> StudyRecording:
-    """Semi-implicit Euler in small steps."""
+def recorded(
+    law: Law, struck: int, peak: float, use: str, rate: float = RATE, samples: int = N
+) -> StudyRecording:
+    """Semi-implicit Euler in small steps, of one length for all rates; noise of one density."""
     random = np.random.default_rng(round(peak))
+    fine = round(FINE * RATE / rate)
     dt, row = 1.0 / (RATE * FINE), np.array(PLACES["m1-m2"])
     u, v, seen, push, d = np.zeros(2), np.zeros(2), [], [], 0.0
-    for i in range(N * FINE):
+    for i in range(samples * fine):
         f = np.zeros(2)
         f[struck] = _pulse(i * dt, peak)
         now = float(row @ u)
         a = (f - DAMPING @ v - K @ u - row * law(now, float(row @ v), now - d)) / np.diag(M)
         d = now
-        if i % FINE == 0:
+        if i % fine == 0:
             seen.append(a)
             push.append(f)
         v = v + dt * a
         u = u + dt * v
     response = np.array(seen)
-    noise = 5e-3 * np.std(response) * random.standard_normal(response.shape)
+    deviation = 5e-3 * np.std(response) * np.sqrt(rate / RATE)
+    noise = deviation * random.standard_normal(response.shape)
     return StudyRecording(f"{use} {peak:g}", response + noise, np.array(push), use=use)
 
 
@@ -46,7 +50,7 @@ def diagnosed(law: Callable[[], Law], hypotheses: tuple[str, ...]) -> Diagnosis:
     hits = [(0, 40.0, "fit"), (1, 160.0, "fit"), (0, 90.0, "hold_out")]
     return diagnose_histories(
         ij.JointedStructure(ij.LinearStructure(M, DAMPING, K), {}),
-        [_recorded(law(), *hit) for hit in hits],
+        [recorded(law(), *hit) for hit in hits],
         RATE,
         rows=PLACES,
         sensors={"a1": [1.0, 0.0], "a2": [0.0, 1.0]},
