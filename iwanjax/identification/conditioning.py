@@ -18,7 +18,6 @@ from iwanjax.identification.recordings import (
     StudyRecording,
     cleaned,
     noise_of,
-    quietest,
 )
 from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
 from iwanjax.signals.comparison_band import HALF, OF_NOISE
@@ -36,6 +35,8 @@ class ConditionedRecordings:
         As the predictor takes them.
     noise : (recordings, sensors) array
         Standard deviation of each sensor's noise.
+    freedom : (recordings, sensors) array
+        Degrees of freedom that it was told by; infinite where the study gives it.
     warnings : tuple of str
         What is odd about them.
     """
@@ -43,6 +44,7 @@ class ConditionedRecordings:
     names: tuple[str, ...]
     data: Data
     noise: np.ndarray
+    freedom: np.ndarray
     warnings: tuple[str, ...]
 
 
@@ -78,7 +80,7 @@ def conditioned(
     InputError
         For recordings that are not finite, and those whose forces are all zero.
     """
-    rows, noises, warnings = [], [], []
+    rows, noises, freedoms, warnings = [], [], [], []
     cycles = (
         math.sqrt(np.max(np.asarray(made.omega2)))
         * float(made.dt)
@@ -93,14 +95,8 @@ def conditioned(
         kick = np.zeros(length)
         felt, unsure = np.zeros_like(response), np.zeros((2 * made.kept, 0))
         push = np.zeros((length, made.substeps, modal.W.shape[0] + 2 * made.kept))
-        if each.force is None:
-            own = noise_of(response, 0, settings)
-        else:
+        if each.force is not None:
             force = cleaned(each.force.astype(float), beside, settings)
-            busy = force.endless or each.moving
-            own = (
-                quietest(response, settings) if busy else noise_of(response, force.first, settings)
-            )
             felt = _felt(made, modal, force, settings)
             unsure = _unsure(made, modal, force, settings)
             kick[min(force.last + 1, len(response) - 1)] = 1.0
@@ -109,7 +105,9 @@ def conditioned(
                 # Accelerations follow the force at once, at the first sample too.
                 push[0, -1, 2 * made.kept :] = force.clean[0] @ np.asarray(modal.W).T
             warnings += _odd(each, force)
-        noise = np.where(np.isnan(known_noise), own, known_noise)
+        own = noise_of(each, settings) if each.noise is None else each.noise
+        told = np.isnan(known_noise)
+        noise = np.where(told, own.deviation, known_noise)
         if each.moving:
             # From its own beginning, instead of after a pulse.
             kick[:], kick[0] = 0.0, 1.0
@@ -130,12 +128,13 @@ def conditioned(
             )
         )
         noises.append(noise)
+        freedoms.append(np.where(told, own.freedom, np.inf))
     filled = [rows[i % len(rows)] for i in range(count)]
     push, response, weight, kick, unsure = (np.stack(x) for x in zip(*filled, strict=True))
     weight[len(rows) :] = 0.0
     data = Data(*jax.device_put((push, response, weight, kick, unsure)))
     names = tuple(each.name for each in recordings)
-    return ConditionedRecordings(names, data, np.stack(noises), tuple(warnings))
+    return ConditionedRecordings(names, data, np.stack(noises), np.stack(freedoms), tuple(warnings))
 
 
 def directions_of(

@@ -1,15 +1,57 @@
 """Recordings of a study: their forces without noise between pulses, and the noise of sensors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
-from iwanjax.signals.comparison_band import END
+from iwanjax.signals.noise import (
+    CHANCE,
+    NoiseLevel,
+    between_periods,
+    exceeded,
+    in_quiet_bands,
+    of_rounding,
+    period_of,
+)
 from iwanjax.types import Initial
+
+GIVEN, BEFORE_FORCE = "as given", "before the force"
+BETWEEN_PERIODS, QUIET_BANDS = "between periods", "in quiet bands"
+
+
+class SensorNoise(NamedTuple):
+    """Noise of a recording's sensors, and where that was told.
+
+    Attributes
+    ----------
+    deviation : (sensors,) array
+        Standard deviation.
+    freedom : (sensors,) array
+        Degrees of freedom of its square; infinite where the study gives it.
+    source : tuple of str
+        Of each sensor: as given, before the force, between periods, or in quiet bands.
+    """
+
+    deviation: np.ndarray
+    freedom: np.ndarray
+    source: tuple[str, ...]
+
+    def where(self, better: np.ndarray, other: "SensorNoise") -> "SensorNoise":
+        """The other one's where that is better, (sensors,)."""
+        return SensorNoise(
+            np.where(better, other.deviation, self.deviation),
+            np.where(better, other.freedom, self.freedom),
+            tuple(np.where(better, other.source, self.source).tolist()),
+        )
+
+    @classmethod
+    def of(cls, level: NoiseLevel, source: str) -> "SensorNoise":
+        """All of one source."""
+        return cls(*level, (source,) * len(level.deviation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +71,8 @@ class StudyRecording:
         Whether a fit may see it.
     initial : {"rest", "unknown", "periodic"} or None
         The state in which it begins; None leaves that to its data.
+    noise : SensorNoise or None
+        Of its sensors; None leaves that to its data (:func:`noise_of`).
     """
 
     name: str
@@ -36,11 +80,20 @@ class StudyRecording:
     force: Float[np.ndarray, "N inputs"] | None
     use: Literal["fit", "hold_out"] = "fit"
     initial: Initial | None = None
+    noise: SensorNoise | None = None
 
     @property
     def moving(self) -> bool:
         """Whether it begins in a state that has to be estimated."""
         return self.force is None or self.initial in ("unknown", "periodic")
+
+    @property
+    def period(self) -> int | None:
+        """Samples of the steady cycle of which it holds several; None where it does not."""
+        if self.initial != "periodic" or self.force is None:
+            return None
+        found = period_of(self.force.astype(float), CONDITIONING.repeats, CONDITIONING.least)
+        return found if found < len(self.force) else None
 
     @property
     def quiet(self) -> np.ndarray:
@@ -127,8 +180,8 @@ def before_force(
 
 def common_noise(
     recordings: Sequence[StudyRecording], settings: ConditioningSettings = CONDITIONING
-) -> np.ndarray:
-    """Standard deviation of each sensor's noise over all recordings, held-out ones as well.
+) -> SensorNoise:
+    """Noise of each sensor before the forces of all recordings, held-out ones as well.
 
     Some dozens of samples before a trigger leave a deviation open by a tenth, and with it how
     much of a residual is noise.
@@ -142,46 +195,140 @@ def common_noise(
 
     Returns
     -------
-    (sensors,) array
+    SensorNoise
         NaN where nothing was measured before a force, or recordings differ: a range that was
         switched between them.
     """
     quiet = [each.quiet for each in recordings if len(each.quiet) >= settings.enough]
+    sensors = recordings[0].response.shape[1]
     if not quiet:
-        return np.full(recordings[0].response.shape[1], np.nan)
+        return SensorNoise.of(NoiseLevel(*np.full((2, sensors), np.nan)), BEFORE_FORCE)
     variances = np.stack([np.var(each, axis=0, ddof=1) for each in quiet])
     freedoms = np.array([len(each) - 1.0 for each in quiet])
     alike = variances.max(axis=0) < settings.other_noise * variances.min(axis=0)
-    return np.where(alike, np.sqrt(freedoms @ variances / freedoms.sum()), np.nan)
+    pooled = np.where(alike, np.sqrt(freedoms @ variances / freedoms.sum()), np.nan)
+    return SensorNoise.of(NoiseLevel(pooled, np.full(sensors, freedoms.sum())), BEFORE_FORCE)
 
 
-def quietest(response: np.ndarray, settings: ConditioningSettings = CONDITIONING) -> np.ndarray:
-    r"""Noise of sensors that are never at rest, by where the structure moves them least.
+def with_noise(
+    recordings: Sequence[StudyRecording],
+    given: np.ndarray,
+    sensors: Sequence[str],
+    settings: ConditioningSettings = CONDITIONING,
+) -> tuple[list[StudyRecording], list[str]]:
+    """Recordings with the noise of their sensors: given, of all of them, or their own.
 
-    .. math:: \sigma^2 = \tfrac{1}{2} f_s \min_B S_B
+    What all of them show before their forces is taken for each that is measured so, and for each
+    other one that shows more by itself.
 
-    with the mean S_B of the one-sided spectral density (Welch 1967) over each of some bands up to
-    the highest frequency that is compared. What is left of the motion there makes it an upper
-    bound; noise that is not white may exceed it elsewhere.
+    Parameters
+    ----------
+    recordings : sequence of StudyRecording
+        With the states in which they begin.
+    given : (sensors,) array
+        Deviations that the study gives; NaN where it does not.
+    sensors : sequence of str
+        Names.
+    settings : ConditioningSettings
+        Of the stage.
+
+    Returns
+    -------
+    (list of StudyRecording, list of str)
+        And where two ways of telling the noise contradict each other, in words.
     """
-    from scipy.signal import welch
+    common = common_noise(recordings, settings)
+    known = SensorNoise.of(NoiseLevel(given, np.full(len(given), np.inf)), GIVEN)
+    found, told = [], []
+    for each in recordings:
+        own = noise_of(each, settings)
+        before = np.array([source == BEFORE_FORCE for source in own.source])
+        better = np.isfinite(common.deviation) & (before | (common.deviation < own.deviation))
+        own = _rounded(own.where(better, common), each)
+        told += _contradictions(each, own, known, sensors, settings)
+        found.append(replace(each, noise=own.where(np.isfinite(given), known)))
+    return found, told
 
-    f, density = welch(response, nperseg=min(settings.segment, len(response)), axis=0)
-    values = int(2.0 * END * len(response))
-    count = min(settings.noise_bands, max(1, values // settings.noise_values))
-    which = np.floor(f * count / END).astype(int)
-    found = [np.mean(density[which == band], axis=0) for band in range(count)]
-    return np.sqrt(0.5 * np.min(found, axis=0))
+
+def _contradictions(
+    recording: StudyRecording,
+    own: SensorNoise,
+    known: SensorNoise,
+    sensors: Sequence[str],
+    settings: ConditioningSettings,
+) -> list[str]:
+    """Where noise is louder than another way of telling it allows; quiet bands may hold motion."""
+    found = []
+    measured, quiet = _outright(recording, settings), in_quiet(recording, settings)
+    motion = louder(measured, quiet, settings.coloured) if measured else ()
+    for i in np.flatnonzero(motion).tolist():
+        assert measured is not None
+        found.append(
+            f"{recording.name}: {measured.source[i]} {sensors[i]} shows {measured.deviation[i]:.2g}"
+            f", but {quiet.deviation[i]:.2g} in quiet bands, which is taken for its noise: hum, or "
+            "motion, is in the former"
+        )
+    bound = np.array([source == QUIET_BANDS for source in own.source])
+    more = louder(known, own, settings.coloured)
+    less = louder(own, known, settings.coloured) & ~bound
+    for i in np.flatnonzero(more | less).tolist():
+        found.append(
+            f"{recording.name}: noise of {sensors[i]} is given as {known.deviation[i]:.2g}, but it "
+            f"shows {own.deviation[i]:.2g} {own.source[i]}"
+        )
+    return found
 
 
 def noise_of(
-    response: np.ndarray, first: int, settings: ConditioningSettings = CONDITIONING
-) -> np.ndarray:
-    """Of the sensors before the first force; else of third differences at the end."""
-    before = before_force(response, first, settings)
-    if len(before) >= settings.enough:
-        return np.std(before, axis=0, ddof=1)
-    least = settings.enough + settings.spoilt
-    tail = response[-max(len(response) // 8, least) : -settings.spoilt]
-    # Third differences of white noise have twenty times its variance.
-    return np.std(np.diff(tail, 3, axis=0), axis=0) / np.sqrt(20.0)
+    recording: StudyRecording, settings: ConditioningSettings = CONDITIONING
+) -> SensorNoise:
+    """Noise of a recording's sensors by what it shows itself.
+
+    Before its force, where nothing moves yet and it is long enough, and between the periods of a
+    steady cycle: all that is not motion, of any colour. Else, and where that is louder than
+    coloured noise may be, in quiet bands. At least what rounding to a converter's steps makes of
+    it.
+    """
+    found, measured = in_quiet(recording, settings), _outright(recording, settings)
+    if measured is not None:
+        found = found.where(~louder(measured, found, settings.coloured), measured)
+    return _rounded(found, recording)
+
+
+def _rounded(found: SensorNoise, recording: StudyRecording) -> SensorNoise:
+    """At least what rounding leaves."""
+    least = of_rounding(recording.response.astype(float))
+    return found._replace(deviation=np.maximum(found.deviation, least))
+
+
+def _outright(recording: StudyRecording, settings: ConditioningSettings) -> SensorNoise | None:
+    """Noise where no motion is, or where it is known to repeat; None where that is nowhere."""
+    quiet, period = recording.quiet, recording.period
+    if len(quiet) >= settings.enough:
+        freedom = np.full(quiet.shape[1], len(quiet) - 1.0)
+        return SensorNoise.of(NoiseLevel(np.std(quiet, axis=0, ddof=1), freedom), BEFORE_FORCE)
+    if period is None or recording.force is None:
+        return None
+    response, force = (x.astype(float) for x in (recording.response, recording.force))
+    return SensorNoise.of(between_periods(response, force, period), BETWEEN_PERIODS)
+
+
+def louder(one: SensorNoise, other: SensorNoise, coloured: float) -> np.ndarray:
+    """Whether noise is more than chance and colour let it exceed another estimate, (sensors,)."""
+    chance = exceeded(one.freedom, other.freedom, CHANCE)
+    return one.deviation > coloured * np.sqrt(chance) * other.deviation
+
+
+def in_quiet(
+    recording: StudyRecording, settings: ConditioningSettings = CONDITIONING
+) -> SensorNoise:
+    """Noise of a recording's sensors in quiet bands, whatever the structure and its forces do."""
+    force = recording.force
+    level = in_quiet_bands(
+        recording.response.astype(float),
+        None if force is None else cleaned(force.astype(float), settings=settings).clean,
+        bands=settings.noise_bands,
+        values=settings.noise_values,
+        flat=settings.flat,
+    )
+    return SensorNoise.of(level, QUIET_BANDS)
