@@ -11,6 +11,7 @@ from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
 from iwanjax.signals.noise import (
     CHANCE,
     NoiseLevel,
+    at_rest,
     between_periods,
     exceeded,
     in_quiet_bands,
@@ -203,11 +204,13 @@ def common_noise(
     sensors = recordings[0].response.shape[1]
     if not quiet:
         return SensorNoise.of(NoiseLevel(*np.full((2, sensors), np.nan)), BEFORE_FORCE)
-    variances = np.stack([np.var(each, axis=0, ddof=1) for each in quiet])
-    freedoms = np.array([len(each) - 1.0 for each in quiet])
+    levels = [at_rest(each) for each in quiet]
+    variances = np.stack([each.deviation**2 for each in levels])
+    freedoms = np.stack([each.freedom for each in levels])
     alike = variances.max(axis=0) < settings.other_noise * variances.min(axis=0)
-    pooled = np.where(alike, np.sqrt(freedoms @ variances / freedoms.sum()), np.nan)
-    return SensorNoise.of(NoiseLevel(pooled, np.full(sensors, freedoms.sum())), BEFORE_FORCE)
+    freedom = freedoms.sum(axis=0)
+    pooled = np.sqrt(np.sum(freedoms * variances, axis=0) / freedom)
+    return SensorNoise.of(NoiseLevel(np.where(alike, pooled, np.nan), freedom), BEFORE_FORCE)
 
 
 def with_noise(
@@ -269,8 +272,9 @@ def _contradictions(
             "motion, is in the former"
         )
     bound = np.array([source == QUIET_BANDS for source in own.source])
-    more = louder(known, own, settings.coloured)
-    less = louder(own, known, settings.coloured) & ~bound
+    # Where no motion is it is the same noise, whatever its colour.
+    allowed = np.where(bound, settings.coloured, np.sqrt(settings.flat))
+    more, less = louder(known, own, allowed), louder(own, known, allowed) & ~bound
     for i in np.flatnonzero(more | less).tolist():
         found.append(
             f"{recording.name}: noise of {sensors[i]} is given as {known.deviation[i]:.2g}, but it "
@@ -305,18 +309,17 @@ def _outright(recording: StudyRecording, settings: ConditioningSettings) -> Sens
     """Noise where no motion is, or where it is known to repeat; None where that is nowhere."""
     quiet, period = recording.quiet, recording.period
     if len(quiet) >= settings.enough:
-        freedom = np.full(quiet.shape[1], len(quiet) - 1.0)
-        return SensorNoise.of(NoiseLevel(np.std(quiet, axis=0, ddof=1), freedom), BEFORE_FORCE)
+        return SensorNoise.of(at_rest(quiet), BEFORE_FORCE)
     if period is None or recording.force is None:
         return None
     response, force = (x.astype(float) for x in (recording.response, recording.force))
     return SensorNoise.of(between_periods(response, force, period), BETWEEN_PERIODS)
 
 
-def louder(one: SensorNoise, other: SensorNoise, coloured: float) -> np.ndarray:
-    """Whether noise is more than chance and colour let it exceed another estimate, (sensors,)."""
+def louder(one: SensorNoise, other: SensorNoise, allowed: np.ndarray | float) -> np.ndarray:
+    """Whether noise is more than chance and so many times another estimate, (sensors,)."""
     chance = exceeded(one.freedom, other.freedom, CHANCE)
-    return one.deviation > coloured * np.sqrt(chance) * other.deviation
+    return one.deviation > allowed * np.sqrt(chance) * other.deviation
 
 
 def in_quiet(

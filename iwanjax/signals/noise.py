@@ -155,6 +155,38 @@ def in_quiet_bands(
     return NoiseLevel(deviation, each * known[last])
 
 
+def at_rest(signal: Float[np.ndarray, "N sensors"]) -> NoiseLevel:
+    """Noise of sensors that see no motion, without lines: mains hum, or a mode that still rings.
+
+    A line is what stands out of a spectrum beyond chance (Fisher 1929), from two cycles in the
+    record on: slower ones are noise that rises towards low frequencies. Its amplitude, phase and
+    frequency are three values that tell no more of the noise.
+    """
+    each = [_without_lines(column - np.mean(column)) for column in signal.T]
+    freedom = np.array([len(signal) - 1.0 - 3.0 * count for _, count in each])
+    square = np.array([np.sum(left**2) for left, _ in each])
+    return NoiseLevel(np.sqrt(square / freedom), freedom)
+
+
+def _without_lines(x: np.ndarray) -> tuple[np.ndarray, int]:
+    """A signal without its lines, as long as some are left, and their number."""
+    N, count = len(x), 0
+    lines = N // 2 - 1
+    chance = 1.0 - (CHANCE / lines) ** (1.0 / (lines - 1.0))
+    # Where a third of the record would be fitted nothing tells lines from noise.
+    while 9 * (count + 1) < N:
+        power = np.abs(np.fft.rfft(x)[2:]) ** 2
+        if not np.max(power) > chance * np.sum(power):
+            break
+        # Of a line between two frequencies the larger part is at the nearer one.
+        fine = np.abs(np.fft.rfft(x, 16 * N))
+        fine[: 16 * 2 - 8] = 0.0
+        turn = 2.0 * np.pi * np.argmax(fine) / (16 * N) * np.arange(N)
+        Q = np.linalg.qr(np.stack([np.ones(N), np.cos(turn), np.sin(turn)], axis=1))[0]
+        x, count = x - Q @ (Q.T @ x), count + 1
+    return x, count
+
+
 def between_periods(
     response: Float[np.ndarray, "N sensors"], force: Float[np.ndarray, "N inputs"], period: int
 ) -> NoiseLevel:

@@ -261,6 +261,7 @@ def _noise(
         for each in recordings
         if each.noise is not None
         for name, s, freedom, source in zip(sensors, *each.noise, strict=True)
+        if math.isfinite(s)
     )
 
 
