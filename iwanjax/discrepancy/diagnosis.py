@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from iwanjax.discrepancy.findings import (
     Errors,
+    MeasuredNoise,
     Observable,
     Prediction,
     Refitted,
@@ -75,6 +76,9 @@ class Diagnosis(AbstractResult):
         The structure with its joints refitted and, where something is missing, with it: ready to
         simulate. None for curves and loops, and where it could not be built.
 
+    noise : tuple of MeasuredNoise
+        What was taken for the noise of each sensor in each recording; none for curves and loops.
+
     Examples
     --------
     >>> import numpy as np
@@ -111,6 +115,7 @@ class Diagnosis(AbstractResult):
     failures: tuple[str, ...] = ()
     modes: tuple[Refitted, ...] = field(default=(), repr=False)
     model: JointedStructure | None = field(default=None, repr=False)
+    noise: tuple[MeasuredNoise, ...] = field(default=(), repr=False)
 
     @property
     def detected(self) -> bool:

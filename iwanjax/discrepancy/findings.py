@@ -26,6 +26,26 @@ class Refitted(NamedTuple):
     parameters: tuple[Estimate, ...]
 
 
+class MeasuredNoise(NamedTuple):
+    """What was taken for the noise of a sensor in a recording.
+
+    Attributes
+    ----------
+    recording, sensor : str
+        Their names.
+    deviation, std : float
+        Standard deviation, and that of its estimate: zero where the study gives it.
+    source : str
+        Where it was told: as given, before the force, between periods, or in quiet bands.
+    """
+
+    recording: str
+    sensor: str
+    deviation: float
+    std: float
+    source: str
+
+
 class Observable(NamedTuple):
     """One mode in one recording.
 

@@ -17,8 +17,9 @@ from iwanjax.identification.predictor import Data, Predictor
 from iwanjax.identification.recordings import (
     CleanForce,
     StudyRecording,
+    as_given,
     cleaned,
-    own_noise,
+    noise_of,
 )
 from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
 from iwanjax.signals.comparison_band import HALF, OF_NOISE
@@ -36,6 +37,8 @@ class ConditionedRecordings:
         As the predictor takes them.
     noise : (recordings, sensors) array
         Standard deviation of each sensor's noise; NaN for one that a recording lacks.
+    freedom : (recordings, sensors) array
+        Degrees of freedom that it was told by; infinite where the study gives it.
     warnings : tuple of str
         What is odd about them.
     forces : MeasuredForces, optional
@@ -45,6 +48,7 @@ class ConditionedRecordings:
     names: tuple[str, ...]
     data: Data
     noise: np.ndarray
+    freedom: np.ndarray
     warnings: tuple[str, ...]
     forces: "MeasuredForces | None" = None
 
@@ -120,7 +124,7 @@ def conditioned(
     InputError
         For recordings that are not finite, and those whose forces are all zero.
     """
-    rows, noises, warnings = [], [], []
+    rows, noises, freedoms, warnings = [], [], [], []
     forces = np.zeros((len(recordings), length, modal.W.shape[1]))
     cycles = (
         math.sqrt(np.max(np.asarray(made.omega2)))
@@ -150,10 +154,10 @@ def conditioned(
                 # Accelerations follow the force at once, at the first sample too.
                 push[0, -1, 2 * made.kept :] = force.clean[0] @ at_end
             warnings += _odd(each, force)
-        noise = each.noise
-        if noise is None:
-            noise = np.where(np.isnan(known_noise), own_noise(each, settings), known_noise)
-        noise = np.where(lacking, np.nan, noise)
+        own = each.noise
+        if own is None:
+            own = noise_of(each, settings).where(~np.isnan(known_noise), as_given(known_noise))
+        noise = np.where(lacking, np.nan, own.deviation)
         if each.moving:
             # From its own beginning, instead of after a pulse.
             kick[:], kick[0] = 0.0, 1.0
@@ -174,6 +178,7 @@ def conditioned(
             )
         )
         noises.append(noise)
+        freedoms.append(np.where(lacking, np.inf, own.freedom))
     filled = [rows[i % len(rows)] for i in range(count)]
     push, response, weight, kick, unsure = (np.stack(x) for x in zip(*filled, strict=True))
     weight[len(rows) :] = 0.0
@@ -182,7 +187,9 @@ def conditioned(
     which = np.arange(count) % len(rows)
     moving = np.array([each.moving for each in recordings])
     acted = MeasuredForces(forces[which], moving[which], cut[which], modal, settings)
-    return ConditionedRecordings(names, data, np.stack(noises), tuple(warnings), acted)
+    return ConditionedRecordings(
+        names, data, np.stack(noises), np.stack(freedoms), tuple(warnings), acted
+    )
 
 
 def directions_of(

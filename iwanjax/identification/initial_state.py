@@ -1,6 +1,6 @@
 """The state in which a recording begins: at rest, unknown, or that of a steady cycle."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -10,9 +10,10 @@ from iwanjax.identification.recordings import (
     StudyRecording,
     before_force,
     cleaned,
-    quietest,
+    in_quiet,
 )
 from iwanjax.settings.histories import CONDITIONING
+from iwanjax.signals.noise import period_of
 from iwanjax.types import Initial
 
 
@@ -26,9 +27,6 @@ class InitialStateSettings:
     ----------
     deviations : float
         Largest sample, in deviations of white noise, that is no motion: one in 16 000 is larger.
-    coloured : float
-        Root mean square before a trigger over that of white noise that is still noise: sensors'
-        own noise rises towards low frequencies.
     motionless : float
         Share of a channel's root mean square that is no motion whatever the noise is, before a
         trigger: the error that a right model may have.
@@ -45,8 +43,6 @@ class InitialStateSettings:
     trend : float
         Scatter about its mean over that from sample to sample from which on it has a trend: of 20
         samples of white noise one in 50 000 does.
-    repeats : float
-        Change of a force from period to period, as share of it, that is noise.
     steady : float
         Change of a response from period to period, as share of it, that is none.
     settled : float
@@ -58,7 +54,6 @@ class InitialStateSettings:
     """
 
     deviations: float = 4.0
-    coloured: float = 3.0
     motionless: float = 0.002
     first_motionless: float = 0.01
     first_moving: float = 0.05
@@ -66,7 +61,6 @@ class InitialStateSettings:
     begins: float = 1e-3
     resting: float = 0.01
     trend: float = 2.0
-    repeats: float = 0.1
     steady: float = 0.01
     settled: float = 2.0
     joins: float = 4.0
@@ -101,11 +95,11 @@ def initial_state(
     response = _measured(recording.response)
     first = force_begins(cleaned(recording.force.astype(float)), by)
     rms = np.std(response, axis=0)
-    noise = quietest(response - response.mean(axis=0))
+    noise = in_quiet(replace(recording, response=response)).deviation
     quiet = before_force(response, first)
     if len(quiet) >= CONDITIONING.enough:
         moves = np.std(quiet, axis=0)
-        none = np.maximum(by.coloured * noise, by.motionless * rms)
+        none = np.maximum(CONDITIONING.coloured * noise, by.motionless * rms)
     else:
         # A mean over what is driven is no offset: that is removed before, or is motion.
         begin = np.abs(response[: max(1, first - CONDITIONING.spoilt)])
@@ -157,7 +151,7 @@ def unsteady(recording: StudyRecording, settings: InitialStateSettings | None = 
         return None
     by = settings or InitialStateSettings()
     response, force = _measured(recording.response), recording.force.astype(float)
-    period = _period(force, by)
+    period = period_of(force, CONDITIONING.repeats, CONDITIONING.least)
     count = len(force) // period
     name = f"{recording.name}: said to be periodic, but"
     if count == 1:
@@ -175,7 +169,7 @@ def unsteady(recording: StudyRecording, settings: InitialStateSettings | None = 
             + (f", later ones by {100 * usual:.2g} %" if count > 2 else "")
             + ": cut off what is not steady yet"
         )
-    if usual > by.repeats:
+    if usual > CONDITIONING.repeats:
         return (
             f"{name} its response changes by {100 * usual:.2g} % from one of the force's "
             f"{count} periods to the next"
@@ -186,14 +180,3 @@ def unsteady(recording: StudyRecording, settings: InitialStateSettings | None = 
 def _measured(response: np.ndarray) -> np.ndarray:
     """Sensors that the recording has."""
     return response[:, np.all(np.isfinite(response), axis=0)].astype(float)
-
-
-def _period(force: np.ndarray, by: InitialStateSettings) -> int:
-    """Samples of the shortest period of the force that divides the record."""
-    N = len(force)
-    size = np.sqrt(np.mean(force**2))
-    for period in (N // count for count in range(N // CONDITIONING.least, 1, -1) if N % count == 0):
-        change = np.sqrt(np.mean((force[period:] - force[:-period]) ** 2))
-        if change <= by.repeats * size:
-            return period
-    return N

@@ -1,15 +1,58 @@
 """Recordings of a study: their forces without noise between pulses, and the noise of sensors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
-from iwanjax.signals.comparison_band import END
+from iwanjax.signals.noise import (
+    CHANCE,
+    NoiseLevel,
+    at_rest,
+    between_periods,
+    exceeded,
+    in_quiet_bands,
+    of_rounding,
+    period_of,
+)
 from iwanjax.types import Initial
+
+GIVEN, BEFORE_FORCE = "as given", "before the force"
+BETWEEN_PERIODS, QUIET_BANDS = "between periods", "in quiet bands"
+
+
+class SensorNoise(NamedTuple):
+    """Noise of a recording's sensors, and where that was told.
+
+    Attributes
+    ----------
+    deviation : (sensors,) array
+        Standard deviation.
+    freedom : (sensors,) array
+        Degrees of freedom of its square; infinite where the study gives it.
+    source : tuple of str
+        Of each sensor: as given, before the force, between periods, or in quiet bands.
+    """
+
+    deviation: np.ndarray
+    freedom: np.ndarray
+    source: tuple[str, ...]
+
+    def where(self, better: np.ndarray, other: "SensorNoise") -> "SensorNoise":
+        """The other one's where that is better, (sensors,)."""
+        return SensorNoise(
+            np.where(better, other.deviation, self.deviation),
+            np.where(better, other.freedom, self.freedom),
+            tuple(np.where(better, other.source, self.source).tolist()),
+        )
+
+    @classmethod
+    def of(cls, level: NoiseLevel, source: str) -> "SensorNoise":
+        """All of one source."""
+        return cls(*level, (source,) * len(level.deviation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +73,9 @@ class StudyRecording:
         Whether a fit may see it.
     initial : {"rest", "unknown", "periodic"} or None
         The state in which it begins; None leaves that to its data.
-    noise : (sensors,) array or None
-        Standard deviation of each sensor's noise where the samples do not show it any more, as
-        in a recording that was resampled.
+    noise : SensorNoise or None
+        Of its sensors; None leaves that to its data (:func:`noise_of`). One that was resampled
+        does not show it any more.
     """
 
     name: str
@@ -40,7 +83,7 @@ class StudyRecording:
     force: Float[np.ndarray, "N inputs"] | None
     use: Literal["fit", "hold_out"] = "fit"
     initial: Initial | None = None
-    noise: Float[np.ndarray, " sensors"] | None = None
+    noise: SensorNoise | None = None
 
     @property
     def measured(self) -> np.ndarray:
@@ -51,6 +94,14 @@ class StudyRecording:
     def moving(self) -> bool:
         """Whether it begins in a state that has to be estimated."""
         return self.force is None or self.initial in ("unknown", "periodic")
+
+    @property
+    def period(self) -> int | None:
+        """Samples of the steady cycle of which it holds several; None where it does not."""
+        if self.initial != "periodic" or self.force is None:
+            return None
+        found = period_of(self.force.astype(float), CONDITIONING.repeats, CONDITIONING.least)
+        return found if found < len(self.force) else None
 
     @property
     def quiet(self) -> np.ndarray:
@@ -135,10 +186,15 @@ def before_force(
     return response[spoilt : max(spoilt, first - spoilt)].astype(float)
 
 
+def as_given(deviation: np.ndarray) -> SensorNoise:
+    """Noise that a study states, (sensors,); NaN where it does not."""
+    return SensorNoise.of(NoiseLevel(deviation, np.full(len(deviation), np.inf)), GIVEN)
+
+
 def common_noise(
     recordings: Sequence[StudyRecording], settings: ConditioningSettings = CONDITIONING
-) -> np.ndarray:
-    """Standard deviation of each sensor's noise over all recordings, held-out ones as well.
+) -> SensorNoise:
+    """Noise of each sensor before the forces of all recordings, held-out ones as well.
 
     Some dozens of samples before a trigger leave a deviation open by a tenth, and with it how
     much of a residual is noise.
@@ -152,63 +208,148 @@ def common_noise(
 
     Returns
     -------
-    (sensors,) array
+    SensorNoise
         NaN where nothing was measured before a force, or recordings differ: a range that was
         switched between them.
     """
     quiet = [each.quiet for each in recordings if each.noise is None]
     quiet = [each for each in quiet if len(each) >= settings.enough]
+    sensors = recordings[0].response.shape[1]
     if not quiet:
-        return np.full(recordings[0].response.shape[1], np.nan)
-    variances = np.stack([np.var(each, axis=0, ddof=1) for each in quiet])
-    seen = ~np.isnan(variances)
-    freedoms = np.array([len(each) - 1.0 for each in quiet])
+        return SensorNoise.of(NoiseLevel(*np.full((2, sensors), np.nan)), BEFORE_FORCE)
+    levels = [at_rest(each) for each in quiet]
+    variances = np.stack([each.deviation**2 for each in levels])
+    seen = np.isfinite(variances)
+    freedoms = np.stack([each.freedom for each in levels]) * seen
     largest, least = np.where(seen, variances, 0.0), np.where(seen, variances, np.inf)
     alike = largest.max(axis=0) < settings.other_noise * least.min(axis=0)
-    count = np.where(alike & np.any(seen, axis=0), freedoms @ seen, np.nan)
-    return np.sqrt(freedoms @ largest / count)
+    freedom = np.where(alike & np.any(seen, axis=0), freedoms.sum(axis=0), np.nan)
+    pooled = np.sqrt(np.sum(freedoms * largest, axis=0) / freedom)
+    return SensorNoise.of(NoiseLevel(pooled, freedom), BEFORE_FORCE)
 
 
-def quietest(response: np.ndarray, settings: ConditioningSettings = CONDITIONING) -> np.ndarray:
-    r"""Noise of sensors that are never at rest, by where the structure moves them least.
+def with_noise(
+    recordings: Sequence[StudyRecording],
+    given: np.ndarray,
+    sensors: Sequence[str],
+    settings: ConditioningSettings = CONDITIONING,
+) -> tuple[list[StudyRecording], list[str]]:
+    """Recordings with the noise of their sensors: given, of all of them, or their own.
 
-    .. math:: \sigma^2 = \tfrac{1}{2} f_s \min_B S_B
+    What all of them show before their forces is taken for each that is measured so, and for each
+    other one that shows more by itself.
 
-    with the mean S_B of the one-sided spectral density (Welch 1967) over each of some bands up to
-    the highest frequency that is compared. What is left of the motion there makes it an upper
-    bound; noise that is not white may exceed it elsewhere.
+    Parameters
+    ----------
+    recordings : sequence of StudyRecording
+        With the states in which they begin.
+    given : (sensors,) array
+        Deviations that the study gives; NaN where it does not.
+    sensors : sequence of str
+        Names.
+    settings : ConditioningSettings
+        Of the stage.
+
+    Returns
+    -------
+    (list of StudyRecording, list of str)
+        And where two ways of telling the noise contradict each other, in words.
     """
-    from scipy.signal import welch
+    common = common_noise(recordings, settings)
+    known = as_given(given)
+    found, told = [], []
+    for each in recordings:
+        if each.noise is not None:
+            found.append(each)
+            continue
+        own = noise_of(each, settings)
+        before = np.array([source == BEFORE_FORCE for source in own.source])
+        better = np.isfinite(common.deviation) & (before | (common.deviation < own.deviation))
+        own = _rounded(own.where(better, common), each)
+        told += _contradictions(each, own, known, sensors, settings)
+        found.append(replace(each, noise=own.where(np.isfinite(given), known)))
+    return found, told
 
-    f, density = welch(response, nperseg=min(settings.segment, len(response)), axis=0)
-    values = int(2.0 * END * len(response))
-    count = min(settings.noise_bands, max(1, values // settings.noise_values))
-    which = np.floor(f * count / END).astype(int)
-    found = [np.mean(density[which == band], axis=0) for band in range(count)]
-    return np.sqrt(0.5 * np.min(found, axis=0))
 
-
-def own_noise(
-    recording: StudyRecording, settings: ConditioningSettings = CONDITIONING
-) -> np.ndarray:
-    """Of a recording's sensors by itself, (sensors,); NaN for one that it lacks."""
-    response = recording.response.astype(float)
-    if recording.force is None:
-        return noise_of(response, 0, settings)
-    force = cleaned(recording.force.astype(float), settings=settings)
-    if force.endless or recording.moving:
-        return quietest(response, settings)
-    return noise_of(response, force.first, settings)
+def _contradictions(
+    recording: StudyRecording,
+    own: SensorNoise,
+    known: SensorNoise,
+    sensors: Sequence[str],
+    settings: ConditioningSettings,
+) -> list[str]:
+    """Where noise is louder than another way of telling it allows; quiet bands may hold motion."""
+    found = []
+    measured, quiet = _outright(recording, settings), in_quiet(recording, settings)
+    motion = louder(measured, quiet, settings.coloured) if measured else ()
+    for i in np.flatnonzero(motion).tolist():
+        assert measured is not None
+        found.append(
+            f"{recording.name}: {measured.source[i]} {sensors[i]} shows {measured.deviation[i]:.2g}"
+            f", but {quiet.deviation[i]:.2g} in quiet bands, which is taken for its noise: hum, or "
+            "motion, is in the former"
+        )
+    bound = np.array([source == QUIET_BANDS for source in own.source])
+    # Where no motion is it is the same noise, whatever its colour.
+    allowed = np.where(bound, settings.coloured, np.sqrt(settings.flat))
+    more, less = louder(known, own, allowed), louder(own, known, allowed) & ~bound
+    for i in np.flatnonzero(more | less).tolist():
+        found.append(
+            f"{recording.name}: noise of {sensors[i]} is given as {known.deviation[i]:.2g}, but it "
+            f"shows {own.deviation[i]:.2g} {own.source[i]}"
+        )
+    return found
 
 
 def noise_of(
-    response: np.ndarray, first: int, settings: ConditioningSettings = CONDITIONING
-) -> np.ndarray:
-    """Of the sensors before the first force; else of third differences at the end."""
-    before = before_force(response, first, settings)
-    if len(before) >= settings.enough:
-        return np.std(before, axis=0, ddof=1)
-    least = settings.enough + settings.spoilt
-    tail = response[-max(len(response) // 8, least) : -settings.spoilt]
-    # Third differences of white noise have twenty times its variance.
-    return np.std(np.diff(tail, 3, axis=0), axis=0) / np.sqrt(20.0)
+    recording: StudyRecording, settings: ConditioningSettings = CONDITIONING
+) -> SensorNoise:
+    """Noise of a recording's sensors by what it shows itself.
+
+    Before its force, where nothing moves yet and it is long enough, and between the periods of a
+    steady cycle: all that is not motion, of any colour. Else, and where that is louder than
+    coloured noise may be, in quiet bands. At least what rounding to a converter's steps makes of
+    it.
+    """
+    found, measured = in_quiet(recording, settings), _outright(recording, settings)
+    if measured is not None:
+        found = found.where(~louder(measured, found, settings.coloured), measured)
+    return _rounded(found, recording)
+
+
+def _rounded(found: SensorNoise, recording: StudyRecording) -> SensorNoise:
+    """At least what rounding leaves."""
+    least = of_rounding(recording.response.astype(float))
+    return found._replace(deviation=np.maximum(found.deviation, least))
+
+
+def _outright(recording: StudyRecording, settings: ConditioningSettings) -> SensorNoise | None:
+    """Noise where no motion is, or where it is known to repeat; None where that is nowhere."""
+    quiet, period = recording.quiet, recording.period
+    if len(quiet) >= settings.enough:
+        return SensorNoise.of(at_rest(quiet), BEFORE_FORCE)
+    if period is None or recording.force is None:
+        return None
+    response, force = (x.astype(float) for x in (recording.response, recording.force))
+    return SensorNoise.of(between_periods(response, force, period), BETWEEN_PERIODS)
+
+
+def louder(one: SensorNoise, other: SensorNoise, allowed: np.ndarray | float) -> np.ndarray:
+    """Whether noise is more than chance and so many times another estimate, (sensors,)."""
+    chance = exceeded(one.freedom, other.freedom, CHANCE)
+    return one.deviation > allowed * np.sqrt(chance) * other.deviation
+
+
+def in_quiet(
+    recording: StudyRecording, settings: ConditioningSettings = CONDITIONING
+) -> SensorNoise:
+    """Noise of a recording's sensors in quiet bands, whatever the structure and its forces do."""
+    force = recording.force
+    level = in_quiet_bands(
+        recording.response.astype(float),
+        None if force is None else cleaned(force.astype(float), settings=settings).clean,
+        bands=settings.noise_bands,
+        values=settings.noise_values,
+        flat=settings.flat,
+    )
+    return SensorNoise.of(level, QUIET_BANDS)

@@ -9,7 +9,13 @@ import numpy as np
 from jaxtyping import Float
 
 from iwanjax.identification.initial_state import initial_state
-from iwanjax.identification.recordings import StudyRecording, cleaned, own_noise, quietest
+from iwanjax.identification.recordings import (
+    StudyRecording,
+    as_given,
+    cleaned,
+    in_quiet,
+    noise_of,
+)
 from iwanjax.settings.histories import CONDITIONING
 from iwanjax.signals.clipping import clipped_samples
 from iwanjax.signals.comparison_band import END
@@ -24,6 +30,8 @@ class ResamplingSettings:
 
     Attributes
     ----------
+    segment : int, samples
+        Of a spectrum's segments.
     plenty : int, samples
         Of the longest recording to fit, above which even recordings of one rate are brought to a
         lower one: below that a fit is short anyway, and is left as it was measured.
@@ -40,6 +48,7 @@ class ResamplingSettings:
         Largest denominator of a ratio of two rates.
     """
 
+    segment: int = 1024
     plenty: int = 20_000
     above_noise: float = 2.0
     cut: float = 0.4
@@ -93,9 +102,9 @@ def _highest(recording: StudyRecording, rate: float, by: ResamplingSettings) -> 
 
     response = recording.response[:, recording.measured].astype(float)
     response = response - response.mean(axis=0)
-    f, density = welch(response, rate, nperseg=min(CONDITIONING.segment, len(response)), axis=0)
+    f, density = welch(response, rate, nperseg=min(by.segment, len(response)), axis=0)
     f, density = f[f <= END * rate], density[f <= END * rate]
-    noise = 2.0 * quietest(response) ** 2 / rate
+    noise = 2.0 * in_quiet(recording).deviation[recording.measured] ** 2 / rate
     more = np.cumsum((density - by.above_noise * noise)[::-1], axis=0)[::-1] * f[1]
     moves = np.any(more > (CONDITIONING.model_error * np.std(response, axis=0)) ** 2, axis=1)
     return float(f[np.flatnonzero(moves)[-1]] if np.any(moves) else f[1])
@@ -162,7 +171,8 @@ def at_rate(
     force = recording.force
     if force is not None:
         force = filtered(force, "constant" if at_rest else before)[kept]
-    noise = np.where(np.isnan(given), own_noise(known), given) * math.sqrt(new / rate)
+    noise = noise_of(known).where(~np.isnan(given), as_given(given))
+    noise = noise._replace(deviation=noise.deviation * math.sqrt(new / rate))
     return replace(known, response=response[kept], force=force, noise=noise)
 
 

@@ -44,13 +44,18 @@ class ConditioningSettings:
         Samples beside a pulse over which what is between them dies away.
     directions : int
         Directions in which the state after a pulse is uncertain.
-    segment : int, samples
-        Samples of a spectrum's segments that noise is told by.
     noise_bands, noise_values : int
-        Bands up to the highest frequency that is compared, at most, and values that each is the
-        mean of, at least: a variance is then known to sqrt(2/50) = 20 %, and the least of 20 up
-        to 40 % too small. Twice as many bands change nothing of Silverbox's multisine, half as
-        many make its noise 5.9 times as large: its force ends just below the last band.
+        Bands up to the highest frequency that is compared, at most, and degrees of freedom of the
+        noise in each, at least: its variance is then known to sqrt(2/50) = 20 %.
+    flat : float
+        Times the variance of quieter bands that noise may have in another quiet one: 3 dB. Of the
+        laboratory's white noise 95 of a hundred are then at most 1.30 times too high; with half of
+        it 1.22 times, with twice 1.63 times, and noise that is half pink 0.78 to 0.82 of it.
+    coloured : float
+        Root mean square of all that shows without motion over that in quiet bands, up to which it
+        is noise: sensors' own noise rises towards low frequencies.
+    repeats : float
+        Change of a force from period to period, as share of it, that is noise.
     other_noise : float
         Largest over smallest variance of a sensor's noise, beyond which its recordings differ: with
         five of 20 samples each one in a hundred does by chance (Hartley's test).
@@ -78,9 +83,11 @@ class ConditioningSettings:
     force_parts: int = 4
     tail: int = 16
     directions: int = 6
-    segment: int = 1024
     noise_bands: int = 20
     noise_values: int = 50
+    flat: float = 2.0
+    coloured: float = 3.0
+    repeats: float = 0.1
     other_noise: float = 4.6
     back_time_constant: float = 1.0
     back_cycles: float = 6.0

@@ -45,6 +45,7 @@ def as_json(verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
             errors: _root_mean_square([part["fit"][errors] for part in each])
             for errors in ("before", "after", "noise_floor")
         },
+        "noise": _joined(each, "noise"),
         "refused": _joined(each, "refused"),
         "indistinguishable": _joined(each, "indistinguishable"),
         "warnings": _joined(each, "warnings"),
@@ -98,6 +99,7 @@ def _of_one(verdict: Diagnosis) -> dict[str, Any]:
             "noise_floor_95": _errors(verdict.noise_floor_95),
             "parameter_spread": _errors(verdict.parameter_spread),
         },
+        "noise": [each._asdict() for each in verdict.noise],
         "refused": [
             {"what": each.label, "before": each.before, "after": each.after}
             for each in verdict.refused

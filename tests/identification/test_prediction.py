@@ -424,14 +424,17 @@ def quiet(deviation, before, sensors=2):
 
 def test_noise_is_that_of_all_recordings():
     short = [quiet(0.3, 50) for _ in range(40)]
-    np.testing.assert_allclose(common_noise(short), 0.3, rtol=0.05)
+    found = common_noise(short)
+    np.testing.assert_allclose(found.deviation, 0.3, rtol=0.05)
+    assert np.all(found.freedom == 40 * (50 - 16 - 1))
     # Nothing before the blow tells nothing, and takes nothing from the others.
-    np.testing.assert_allclose(common_noise([*short, quiet(5.0, 10)]), common_noise(short))
-    assert np.all(np.isnan(common_noise([quiet(0.3, 10)])))
+    more = common_noise([*short, quiet(5.0, 10)])
+    np.testing.assert_allclose(more.deviation, found.deviation)
+    assert np.all(np.isnan(common_noise([quiet(0.3, 10)]).deviation))
 
 
 def test_noise_of_another_range_is_its_own():
-    assert np.all(np.isnan(common_noise([quiet(0.3, 200), quiet(3.0, 200)])))
+    assert np.all(np.isnan(common_noise([quiet(0.3, 200), quiet(3.0, 200)]).deviation))
 
 
 def test_a_force_that_goes_on_is_not_kicked_where_its_recording_is_cut():

@@ -94,7 +94,11 @@ def test_the_cubic_spring_is_found_and_predicts_the_arrow(told):
 
 
 def test_the_noise_is_told_beside_the_motion(told):
-    """About 0.3 mV, of 54 mV: no more than a perfect model leaves."""
+    """0.1 to 0.25 mV, of 54 mV: no more than a perfect model leaves.
+
+    Above 0.42 of the rate, where nothing is driven, all parts show 0.01 to 0.02 mV of white noise;
+    the quietest band below, 0.3 mV by itself, holds harmonics that the cubic spring makes.
+    """
     floor = told[0]["fit"]["noise_floor"]
     assert floor["hold_out"] < told[0]["fit"]["after"]["hold_out"]
-    assert floor["hold_out"] > 0.2e-3 / 54e-3
+    assert 0.1e-3 / 54e-3 < floor["hold_out"] < 0.25e-3 / 54e-3

@@ -46,13 +46,16 @@ def test_more_spoilt_samples_leave_fewer_before_a_force():
 
 def test_noise_is_measured_before_a_force_where_that_is_long_enough():
     few = replace(CONDITIONING, enough=1000)
-    assert noise_of(RESPONSE, 100) == np.std(before_force(RESPONSE, 100), axis=0, ddof=1)
-    assert noise_of(RESPONSE, 100, few) != noise_of(RESPONSE, 100)
     force = np.zeros((N, 1))
     force[100:110] = 1.0
+    struck = StudyRecording("rec", RESPONSE, force)
+    before = np.std(before_force(RESPONSE, 100), axis=0, ddof=1)
+    assert noise_of(struck).deviation == pytest.approx(before)
+    assert noise_of(struck).source == ("before the force",)
+    assert noise_of(struck, few).source == ("in quiet bands",)
     recordings = [StudyRecording(name, RESPONSE, force) for name in "ab"]
-    assert np.isfinite(common_noise(recordings)).all()
-    assert np.isnan(common_noise(recordings, few)).all()
+    assert np.isfinite(common_noise(recordings).deviation).all()
+    assert np.isnan(common_noise(recordings, few).deviation).all()
 
 
 def test_a_pulse_reaches_as_many_samples_farther_as_are_asked_for():

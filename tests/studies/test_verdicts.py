@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from iwanjax.discrepancy import CATALOGUE, CurveRun, Diagnosis, LoopRun, Suspect
-from iwanjax.discrepancy.findings import Errors, Refitted
+from iwanjax.discrepancy.findings import Errors, MeasuredNoise, Refitted
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.studies.verdicts import as_json
 
@@ -44,6 +44,7 @@ def diagnosis(name, verdict, before, kind=CurveRun):
         warnings=(f"of {name}",),
         complete=True,
         seconds=2.0,
+        noise=(MeasuredNoise(name, "a", 0.3, 0.1, "as given"),),
     )
 
 
@@ -64,6 +65,10 @@ def test_several_are_one_verdict_with_each_beside_it():
     assert said["fit"]["before"]["fit"] == pytest.approx(math.sqrt(12.5))
     assert said["fit"]["before"]["hold_out"] == pytest.approx(2.0 * math.sqrt(12.5))
     assert said["warnings"] == ["of m1", "of m2"]
+    assert said["noise"] == [
+        {"recording": name, "sensor": "a", "deviation": 0.3, "std": 0.1, "source": "as given"}
+        for name in ("m1", "m2")
+    ]
     assert (list(said["joints"]), said["seconds"]) == (["m1", "m2"], 4.0)
     assert said["modes"] == {name: as_json({name: part}) for name, part in parts.items()}
 

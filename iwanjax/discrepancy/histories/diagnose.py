@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.findings import Errors, Observable, Suspect, alike
+from iwanjax.discrepancy.findings import Errors, MeasuredNoise, Observable, Suspect, alike
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.ranking import Scope, containing
@@ -35,7 +35,7 @@ from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.offsets import without_offsets
 from iwanjax.identification.places import followed, places_of
 from iwanjax.identification.predictor import Quantity, predictor
-from iwanjax.identification.recordings import StudyRecording, common_noise
+from iwanjax.identification.recordings import StudyRecording, with_noise
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
@@ -139,7 +139,7 @@ def diagnose_histories(
     )
     recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
-    deviations = np.where(np.isnan(given), common_noise(recordings, numbers.conditioning), given)
+    recordings, contradictions = with_noise(recordings, given, tuple(sensors), numbers.conditioning)
     joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
     forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
     predictor_of = partial(
@@ -154,7 +154,7 @@ def diagnose_histories(
         faults=sensor_faults_of(kinds),
         base=list(inputs).index(BASE) if BASE in inputs else None,
     )
-    resolution = StepRefinement(predictor_of, joints, recordings, deviations, numbers)
+    resolution = StepRefinement(predictor_of, joints, recordings, given, numbers)
     now = resolution.of_model()
     shapes = np.asarray(now.modal.Phi)
     moving = {name: row @ shapes for name, row in places.items() if np.any(row @ shapes)}
@@ -228,7 +228,7 @@ def diagnose_histories(
         None,
         failures,
     )
-    warnings = [*sides.fitted.warnings, *sides.warnings(), *taken_off]
+    warnings = [*sides.fitted.warnings, *sides.warnings(), *taken_off, *contradictions]
     warnings += filter(None, map(unsteady, recordings))
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
@@ -265,6 +265,20 @@ def diagnose_histories(
         seconds=time.perf_counter() - started,
         failures=tuple(dict.fromkeys(failures)),
         model=model,
+        noise=_noise(recordings, tuple(sensors)),
+    )
+
+
+def _noise(
+    recordings: Sequence[StudyRecording], sensors: Sequence[str]
+) -> tuple[MeasuredNoise, ...]:
+    """What was taken for the noise of each sensor, recording by recording."""
+    return tuple(
+        MeasuredNoise(each.name, name, float(s), float(s / math.sqrt(2.0 * freedom)), source)
+        for each in recordings
+        if each.noise is not None
+        for name, s, freedom, source in zip(sensors, *each.noise, strict=True)
+        if math.isfinite(s)
     )
 
 

@@ -24,6 +24,7 @@ from iwanjax.identification.problem import (
     rates,
 )
 from iwanjax.signals.comparison_band import CORRELATION, OF_NOISE, over_pairs
+from iwanjax.signals.noise import exceeded
 
 
 class FreeRun(NamedTuple):
@@ -45,6 +46,9 @@ class FreeRun(NamedTuple):
     unsure : (recordings,) array
         The same of what the fitted recordings leave open of the parameters: linearised, and of
         where macroslip begins.
+    estimated : (recordings, sensors) array
+        Deviation of each sensor's part of ``noise``, as its noise was estimated. One sensor's
+        error counts as the same in all recordings.
     """
 
     names: tuple[str, ...]
@@ -53,6 +57,7 @@ class FreeRun(NamedTuple):
     noise: np.ndarray
     scatter: np.ndarray
     unsure: np.ndarray
+    estimated: np.ndarray
 
     @property
     def relative(self) -> float:
@@ -67,7 +72,8 @@ class FreeRun(NamedTuple):
     @property
     def floor_95(self) -> float:
         """What a perfect model exceeds in one case of twenty."""
-        square = _quantile(np.sum(self.noise), np.sum(self.scatter))
+        doubt = np.sum(np.sum(self.estimated, axis=0) ** 2)
+        square = _quantile(np.sum(self.noise), np.sum(self.scatter), doubt)
         return math.sqrt(float(square / np.sum(self.measured**2)))
 
     @property
@@ -86,7 +92,8 @@ class FreeRun(NamedTuple):
 
     def floors_95(self) -> Mapping[str, float]:
         """What a perfect model exceeds in one case of twenty."""
-        return self._by_name(_quantile(self.noise, self.scatter))
+        doubt = np.sum(self.estimated**2, axis=1)
+        return self._by_name(_quantile(self.noise, self.scatter, doubt))
 
     def _by_name(self, square: np.ndarray) -> Mapping[str, float]:
         shares = np.sqrt(square / np.sum(self.measured**2, axis=(1, 2)))
@@ -100,12 +107,18 @@ def _squares(x: np.ndarray) -> np.ndarray:
     return np.where(np.isnan(square), math.inf, square)
 
 
-def _quantile(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """Exceeded in one case of twenty by a sum of squares, as if gamma-distributed."""
-    from scipy.special import gammaincinv
+def _quantile(mean: np.ndarray, variance: np.ndarray, doubt: np.ndarray) -> np.ndarray:
+    r"""Exceeded in one case of twenty by a sum of squares whose mean is an estimate.
 
-    unit = variance / mean
-    return np.where(unit > 0, gammaincinv(mean / np.maximum(unit, 1e-300), 0.95) * unit, mean)
+    Over it the sum has an F distribution with :math:`2 m^2/v` and :math:`2 m^2/v_d` degrees of
+    freedom (Satterthwaite 1946), of its variance and that of the estimate; a gamma distribution
+    where the mean is known.
+    """
+    # Infinite where nothing is uncertain.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own, estimate = (2.0 * np.square(mean) / np.asarray(x) for x in (variance, doubt))
+    share = np.where(np.isfinite(mean) & (mean > 0), exceeded(own, estimate, 0.05), 1.0)
+    return share * mean
 
 
 def free_run(
@@ -142,7 +155,7 @@ def joined(parts: Sequence[FreeRun]) -> FreeRun:
     longest = max(part.error.shape[1] for part in parts)
 
     def filled(x: np.ndarray) -> np.ndarray:
-        missing = longest - x.shape[1] if x.ndim > 1 else 0
+        missing = longest - x.shape[1] if x.ndim > 2 else 0
         return np.pad(x, [(0, 0), (0, missing), (0, 0)]) if missing else x
 
     arrays = zip(*(map(filled, part[1:]) for part in parts), strict=True)
@@ -168,7 +181,8 @@ def _free(
         rows = with_states_of_decays(here, fitted.hypothesis, rows, decays)
     (seen,) = linearise(here, [(fitted.hypothesis, rows)], math.inf)
     compared, variance = (weight > 0).astype(float), np.nan_to_num(those.noise) ** 2
-    own = OF_NOISE**2 * np.sum(np.sum(compared, axis=1) * variance, axis=1)
+    sensors = OF_NOISE**2 * np.sum(compared, axis=1) * variance
+    own, estimated = np.sum(sensors, axis=1), sensors * np.sqrt(2.0 / those.freedom)
     # What the forces' noise does to the state after the pulse, of deviation 1 each.
     kicked = np.asarray(seen.slopes)[:count, fitted.values :] / safe[:, None]
     # A decay's state was estimated from itself: noise leaves it little to be wrong by.
@@ -177,9 +191,9 @@ def _free(
     own = own + np.einsum("rii->r", gram)
     # Of Gaussian errors with covariance S the variance of the sum of squares is 2 tr(S S); here
     # S is that of the sensors' noise, which the band correlates, plus that of the kicks.
-    sensors = np.sum(over_pairs(compared, CORRELATION**2) * variance**2, axis=1)
+    alone = np.sum(over_pairs(compared, CORRELATION**2) * variance**2, axis=1)
     both = np.sum(over_pairs(kicked, CORRELATION) * variance[:, None, :], axis=(1, 2))
-    scatter = 2.0 * (sensors + 2.0 * both + np.sum(gram**2, axis=(1, 2)))
+    scatter = 2.0 * (alone + 2.0 * both + np.sum(gram**2, axis=(1, 2)))
     known, slopes = _open(problem, fitted, places, np.asarray(seen.slopes)[:count])
     slopes = slopes / safe[:, None]
     open_to = np.einsum("rins,rjns->rij", slopes, slopes)
@@ -191,7 +205,7 @@ def _free(
         change = (residual - seen.residual)[:count] / safe
         unsure = unsure + each.weight * np.sum(change**2, axis=(1, 2))
     error, measured = seen.residual[:count] / safe, np.where(weight > 0, y, 0.0)
-    return FreeRun(those.names, error, measured, own, scatter, unsure)
+    return FreeRun(those.names, error, measured, own, scatter, unsure, estimated)
 
 
 def _open(

@@ -135,6 +135,10 @@ def test_a_linear_model_misses_nothing_in_linear_recordings():
     )
     assert not found.detected
     assert found.after.hold_out < 1.5 * found.noise_floor.hold_out
+    assert [each.recording for each in found.noise] == list(found.by_recording)
+    for each in found.noise:
+        assert each.source == "in quiet bands"
+        assert abs(each.deviation - NOISE) < 3.0 * each.std < 0.5 * NOISE
 
 
 def test_a_short_recording_beside_a_long_one_hides_no_force():
@@ -208,7 +212,7 @@ def only_fitted():
 
 @pytest.mark.parametrize("samples", [400, 900, 3000])
 def test_noise_beside_a_motion_that_never_rests(samples):
-    """The quietest of some bands is a fifth too quiet by chance; third differences: 8 times it."""
+    """Third differences say 8 times it."""
     recordings = transients((("fit", samples, WEAK, 1),))
     (noise,) = taken(recordings).fitted.noise.ravel()
     assert 0.75 * NOISE < noise < 1.25 * NOISE

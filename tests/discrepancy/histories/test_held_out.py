@@ -17,7 +17,15 @@ def run(noise: list[float], scatter: list[float]) -> FreeRun:
     count = len(noise)
     blank = np.zeros((count, 50, 2))
     names = tuple(f"rec{i}" for i in range(count))
-    return FreeRun(names, blank, blank + 1.0, np.array(noise), np.array(scatter), np.zeros(count))
+    return FreeRun(
+        names,
+        blank,
+        blank + 1.0,
+        np.array(noise),
+        np.array(scatter),
+        np.zeros(count),
+        np.zeros((count, 1)),
+    )
 
 
 def test_without_scatter_a_perfect_model_leaves_its_floor():

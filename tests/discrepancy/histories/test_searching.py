@@ -31,7 +31,7 @@ from iwanjax.identification.linearise import linearise, residuals_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, moved, multistart
 from iwanjax.identification.predictor import Suspects
 from iwanjax.identification.problem import Hypothesis, Start
-from iwanjax.identification.recordings import noise_of
+from iwanjax.identification.recordings import StudyRecording, noise_of
 from iwanjax.settings.histories import HISTORIES
 from iwanjax.signals.comparison_band import HALF, OF_NOISE, in_band
 
@@ -430,7 +430,7 @@ def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
 
 def test_noise_is_told_of_as_few_samples_as_may_be_diagnosed():
     waves = 0.3 * np.random.default_rng(0).standard_normal((200, 36, 1))
-    found = [float(noise_of(wave, 0)[0]) for wave in waves]
+    found = [noise_of(StudyRecording("decay", wave, None)).deviation[0] for wave in waves]
     assert np.median(found) == pytest.approx(0.3, rel=0.1)
 
 
