@@ -78,9 +78,7 @@ def columns(
     """
     fixed, at = _about(problem, base)
     shown = jax.device_put(_shown(problem, base))
-    # Each brings a push of its own beside the change that this makes.
-    threads, each = problem.at_once(available_threads(), 2 * _AT_ONCE)
-    at_once = max(1, each // 2)
+    threads, at_once = problem.at_once(available_threads(), _AT_ONCE)
 
     def run(first: int) -> np.ndarray:
         own = effects[first : first + at_once]

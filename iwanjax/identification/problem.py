@@ -186,9 +186,10 @@ class HistoryProblem:
     def at_once(self, threads: int, each: int) -> tuple[int, int]:
         """Threads at most, and directions in each, along which kernels fit into the memory.
 
-        A derivative along one takes about as much as the pushes do.
+        A derivative along one takes about twice what the pushes do: their change, and that of what
+        the places feel of them.
         """
-        room = max(1, self.settings.memory.kernels // self.data.push.nbytes)
+        room = max(1, self.settings.memory.kernels // (2 * self.data.push.nbytes))
         threads = min(threads, room)
         return threads, min(each, room // threads)
 

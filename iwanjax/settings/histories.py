@@ -378,7 +378,7 @@ class MemorySettings:
         That kernels side by side, and forces of size 1 that are to be judged, may take.
     """
 
-    derivatives: int = 2**30
+    derivatives: int = 2**29
     kernels: int = 2**30
 
 
