@@ -192,6 +192,15 @@ def conditioned(
     )
 
 
+def usual_noise(batches: Sequence[ConditionedRecordings]) -> np.ndarray:
+    """Deviation of each sensor's noise in the first batch that has it, (sensors,)."""
+    noise = [
+        next(part for x in batches if (part := x.noise[~np.isnan(x.noise[:, i]), i]).size)
+        for i in range(batches[0].noise.shape[1])
+    ]
+    return np.array([np.median(each) for each in noise])
+
+
 def directions_of(
     recordings: Sequence[StudyRecording],
     made: Predictor,

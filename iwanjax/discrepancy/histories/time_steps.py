@@ -16,6 +16,7 @@ from iwanjax.identification.conditioning import (
     ConditionedRecordings,
     conditioned,
     directions_of,
+    usual_noise,
 )
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.likelihood import left_by_noise
@@ -247,7 +248,7 @@ class StepRefinement:
         """With so many steps between samples."""
         by, modal = self.made(substeps)
         sides = StudyData.of(self.recordings, by, modal, self.noise, self.settings.conditioning)
-        noise = _usual(sides)
+        noise = usual_noise([sides.fitted, *(each for each, _ in sides.held)])
         data = sides.fitted.data
         forces = sides.fitted.forces
         problem = HistoryProblem(by, self.joints, data, noise, sides.order, self.settings, forces)
