@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iwanjax.effects.faults import AbstractAddedFault
 from iwanjax.effects.kinds import JointKind
 from iwanjax.estimation.evidence import correlation_time, log_evidence
 from iwanjax.identification.multistart import HypothesisFit
@@ -129,5 +130,6 @@ def unknowns(fitted: HypothesisFit) -> int:
     """Number of values fitted beyond those of the joints as given."""
     hypothesis = fitted.hypothesis
     own = sum(hypothesis.sizes) + sum(hypothesis.shapes)
-    own += sum(len(fitted.theta) * kind.count for kind in hypothesis.added.values())
+    added = [kind.count for kind in hypothesis.kinds if isinstance(kind, AbstractAddedFault)]
+    own += sum(len(fitted.theta) * count for count in added)
     return own + sum(len(k.parameters) for k in hypothesis.kinds if isinstance(k, JointKind))
