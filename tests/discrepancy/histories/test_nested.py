@@ -13,12 +13,13 @@ from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
 from iwanjax.effects.catalogue import kinds_of
-from iwanjax.effects.faults import AbstractSensorFault
+from iwanjax.effects.faults import AbstractFault, AbstractForceFault, AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.effects.nested import Nested
 from iwanjax.effects.sensor_gain import TURNED
 from iwanjax.identification.hypotheses import (
     JointStart,
+    channel,
     force,
     joined,
     sensor,
@@ -69,7 +70,7 @@ def test_a_law_is_found_again_where_it_was_begun_from(
 ):
     simpler = KINDS[nested.name]
     values = (size, shape) if getattr(simpler, "shape", None) else (size,)
-    if isinstance(simpler, AbstractSensorFault):
+    if isinstance(simpler, AbstractFault):
         values = (TURNED,)
     there = nested.widened(values, Scales(deflection, period), share)
     back = nested.narrowed(there)
@@ -104,6 +105,8 @@ def begun(searched, *names: str, stiffness: float = 5e3) -> RankedFit:
         elif isinstance(kind, AbstractSensorFault):
             size = shapes.get(name, 0.1)
             starts.append(sensor(problem, kind, 0, "a1", Z, size))
+        elif isinstance(kind, AbstractForceFault):
+            starts.append(channel(problem, kind, 0, "m1", Z, 0.1))
     beside = starts[0] if starts else None
     for kind in (KINDS[name] for name in names):
         if isinstance(kind, JointKind) and kind.name == "stiction":
@@ -118,7 +121,12 @@ def begun(searched, *names: str, stiffness: float = 5e3) -> RankedFit:
 CONTAINED = [
     *(((name,), (each.name,)) for name, kind in KINDS.items() for each in _limits(kind)),
     *(((name,), ()) for name in NAMES),
-    *(((name,), ()) for name in ("sensor_gain", "sensor_delay", "sensor_saturation")),
+    *(
+        ((name,), ())
+        for name in ("sensor_gain", "sensor_delay", "sensor_high_pass", "sensor_saturation")
+    ),
+    (("force_gain",), ()),
+    (("force_delay",), ()),
     (("iwan_joint",), ()),
     (("stiction",), ()),
     (("stiffness_error", "sensor_gain"), ("sensor_gain",)),
