@@ -57,7 +57,11 @@ def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[Kind, ...]:
 
 CATALOGUE: dict[str, tuple[Kind, ...]] = {
     **{law.effect.name: _of_law(name, law) for name, law in force_laws().items() if law.effect},
-    **{kind.name: (kind,) for kind in (*FAULTS, *JOINT_FAULTS)},
+    **{kind.name: (kind,) for kind in FAULTS},
+    **{
+        name: tuple(kind for kind in JOINT_FAULTS if kind.name == name)
+        for name in dict.fromkeys(kind.name for kind in JOINT_FAULTS)
+    },
 }
 """Kinds that have a name of their own, each with its variants; :func:`catalogue` has all."""
 

@@ -1,9 +1,21 @@
 """Faults of joints: one that sticks, drifts, was left out, or is moved by several modes."""
 
+from dataclasses import replace
+
 from iwanjax.effects.kinds import JointKind, ModeKind, missing
 from iwanjax.joints import Iwan4, ParameterInfo
+from iwanjax.joints.force_law import WITHIN_K
 from iwanjax.joints.iwan4 import NEVER_SLIPPING, SLIDING_AT_ONCE
 
+_LEFT_OUT = JointKind(
+    "iwan_joint",
+    "a joint left out",
+    Iwan4.parameters,
+    "microslip where no joint is",
+    "a joint",
+    missing("a joint"),
+    (SLIDING_AT_ONCE, NEVER_SLIPPING),
+)
 JOINT_FAULTS = (
     JointKind(
         "stiction",
@@ -24,14 +36,14 @@ JOINT_FAULTS = (
         "a change from recording to recording",
         "Joint {where} changes from recording to recording",
     ),
-    JointKind(
-        "iwan_joint",
-        "a joint left out",
-        Iwan4.parameters,
-        "microslip where no joint is",
-        "a joint",
-        missing("a joint"),
-        (SLIDING_AT_ONCE, NEVER_SLIPPING),
+    _LEFT_OUT,
+    # One that never slips is nothing then.
+    replace(
+        _LEFT_OUT,
+        sentence=f"{_LEFT_OUT.sentence}, {WITHIN_K.words}",
+        nested=(SLIDING_AT_ONCE,),
+        variant=WITHIN_K.words,
+        within=True,
     ),
     ModeKind(
         "modal_coupling",

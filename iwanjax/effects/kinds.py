@@ -121,6 +121,8 @@ class JointKind:
         What is fitted.
     nested : tuple of NestedLaw
         Simpler laws that a joint becomes.
+    variant, within
+        As for :class:`ForceKind`, of a joint left out.
     """
 
     name: str
@@ -130,11 +132,13 @@ class JointKind:
     noun: str
     sentence: str
     nested: tuple[NestedLaw, ...] = ()
+    variant: str = ""
+    within: bool = False
 
     @property
     def limits(self) -> tuple[Nested, ...]:
         """As for :class:`ForceKind`."""
-        return _nested(self.nested)
+        return tuple(each._replace(within=self.within) for each in _nested(self.nested))
 
 
 @dataclass(frozen=True)

@@ -189,9 +189,16 @@ def with_stiction(
     joints = (stuck, *(problem.joints[i] for i in order[1:]))
     at = jnp.asarray(order)
     predictor = eqx.tree_at(
-        lambda p: (p.joints, p.stiffness),
+        lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
-        (problem.predictor.joints[at], problem.predictor.stiffness[at]),
+        tuple(
+            x[at]
+            for x in (
+                problem.predictor.joints,
+                problem.predictor.stiffness,
+                problem.predictor.within,
+            )
+        ),
     )
     other = replace(problem, predictor=predictor, joints=joints, compiled=set(), _process={})
     errors = problem.predictor.errors
@@ -232,11 +239,12 @@ def with_joint(
     given = Iwan4(F_S=strength, K_T=first.stiffness, chi=-0.5, beta=first.beta)
     more = Joint(given, jnp.asarray(problem.settings.joint_faults.loose_joint))
     predictor = eqx.tree_at(
-        lambda p: (p.joints, p.stiffness),
+        lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
         (
             jnp.concatenate([problem.predictor.joints, jnp.asarray(place.row)[None]]),
             jnp.append(problem.predictor.stiffness, 0.0),
+            jnp.append(problem.predictor.within, float(kind.within)),
         ),
     )
     other = replace(

@@ -7,6 +7,7 @@ sensor is at fault, are arrays, not code.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -166,6 +167,10 @@ class _Run(NamedTuple):
         push: Array,
     ) -> "_Run":
         elements = Joints.of(tuple(joint.discrete(None) for joint in joints))
+        if joints:
+            own = jnp.stack([joint.initial_stiffness for joint in joints])
+            own = jnp.where(predictor.within > 0, own, predictor.stiffness)
+            predictor = eqx.tree_at(lambda p: p.stiffness, predictor, own)
         whole = jnp.concatenate([predictor.joints, suspects.row])
         kept = predictor.kept
         rows, left = whole[:, :kept], whole[:, kept:]

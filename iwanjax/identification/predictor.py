@@ -116,6 +116,8 @@ class Predictor(eqx.Module):
         Flexibilities of the others.
     stiffness : (joints,) array
         Reference stiffness of the joints.
+    within : (joints,) array
+        1 where K holds a joint's own stiffness at rest, which is its reference then.
     by : Hold
         Over one step.
     dt : array
@@ -137,6 +139,7 @@ class Predictor(eqx.Module):
     sensors: Float[Array, "sensors kept"]
     left: Float[Array, " left"]
     stiffness: Float[Array, " joints"]
+    within: Float[Array, " joints"]
     by: Hold
     dt: Array
     uncertain: Float[Array, "2 modes"]
@@ -209,12 +212,8 @@ class Predictor(eqx.Module):
     def parts(self, push: Array | np.ndarray) -> Pushed:
         """What a push of the data consists of."""
         r, left = self.kept, self.left.shape[0]
-        return Pushed(
-            push[..., : 2 * r],
-            push[..., 2 * r : 3 * r],
-            push[..., 3 * r : 3 * r + left],
-            push[..., 3 * r + left :],
-        )
+        a, b, c = 2 * r, 3 * r, 3 * r + left
+        return Pushed(push[..., :a], push[..., a:b], push[..., b:c], push[..., c:])
 
     def at_once(self, push: Array | np.ndarray, xp: Any = np) -> Array:
         """What the sensors show of the forces at the end of a step before anything moves.
@@ -272,7 +271,7 @@ class Predictor(eqx.Module):
         """
         r = self.kept
         P = np.asarray(self.joints)[:, :r]
-        softer = stiffness - np.asarray(self.stiffness)
+        softer = np.where(np.asarray(self.within) > 0, 0.0, stiffness - np.asarray(self.stiffness))
         omega2, C = self.modes_at(np.zeros(self.errors) if z is None else z)
         lower = np.hstack(
             [
@@ -384,6 +383,7 @@ def predictor(
         jax.device_put(Y[:, :kept]),
         jax.device_put(1.0 / omega2[kept:]),
         modal.stiffness,
+        jax.device_put(np.zeros(len(modal.stiffness))),
         jax.device_put(hold(omega2[:kept], C[part], dt)),
         jax.device_put(np.asarray(dt)),
         jax.device_put(_uncertain(trust, omega2[:kept], sampling_rate)),

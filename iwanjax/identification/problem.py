@@ -196,9 +196,9 @@ class HistoryProblem:
     def with_steps_of(self, other: "HistoryProblem") -> "HistoryProblem":
         """These joints on the steps between samples of another search for the same data."""
         predictor = eqx.tree_at(
-            lambda p: (p.joints, p.stiffness),
+            lambda p: (p.joints, p.stiffness, p.within),
             other.predictor,
-            (self.predictor.joints, self.predictor.stiffness),
+            (self.predictor.joints, self.predictor.stiffness, self.predictor.within),
         )
         return replace(
             self,

@@ -187,7 +187,7 @@ def _joints_left_out(
     for kind in scope.kinds:
         if isinstance(kind, JointKind) and kind.name == "iwan_joint":
             for place in places:
-                guesses = _guesses(problem, known, place)
+                guesses = _guesses(problem, known, place, kind)
                 if guesses:
                     made.append(hypotheses.with_joint(problem, kind, place, guesses))
     return _best_of_each(made, limits, scope)
@@ -231,13 +231,13 @@ def _beside_another(
 ) -> list[RankedFit]:
     """A joint in place of either of two suspects, the other kept."""
     by_label = {place.label: place for place in scope.places}
-    made: dict[tuple[str, str], tuple[HistoryProblem, list[Start]]] = {}
+    made: dict[tuple[str, str, str], tuple[HistoryProblem, list[Start]]] = {}
     kinds = [k for k in scope.kinds if isinstance(k, JointKind) and k.name == "iwan_joint"]
     for kind, pair, slot in itertools.product(kinds, pairs, (0, 1)):
         place = by_label.get(pair.hypothesis.where[slot])
-        guesses = _guesses_of(problem, pair.start, slot, place) if place else []
+        guesses = _guesses_of(problem, pair.start, slot, place, kind) if place else []
         kept = hypotheses.alone(problem, pair.start, 1 - slot)
-        key = (pair.hypothesis.where[slot], kept.hypothesis.label)
+        key = (kind.variant, pair.hypothesis.where[slot], kept.hypothesis.label)
         if place and guesses and key not in made:
             made[key] = hypotheses.with_joint(problem, kind, place, guesses, kept)
     found = _best_of_each(list(made.values()), limits, scope)
@@ -300,25 +300,27 @@ def _best_of_each(
 
 
 def _guesses(
-    problem: HistoryProblem, known: Sequence[Start], place: Place
+    problem: HistoryProblem, known: Sequence[Start], place: Place, joint: JointKind
 ) -> list[hypotheses.JointStart]:
     """What the best springs and sliders at a place say of a joint there."""
     singles = [s for s in known if s.hypothesis.where == (place.label,)]
-    return [g for s in singles for g in _guesses_of(problem, s, 0, place)][
+    return [g for s in singles for g in _guesses_of(problem, s, 0, place, joint)][
         : problem.settings.joint_faults.guesses
     ]
 
 
 def _guesses_of(
-    problem: HistoryProblem, start: Start, slot: int, place: Place
+    problem: HistoryProblem, start: Start, slot: int, place: Place, joint: JointKind
 ) -> list[hypotheses.JointStart]:
-    """What a spring or slider says of a joint in its place."""
+    """What a spring or slider says of a joint in its place; too much of one, where K holds it."""
     hypothesis, p = start.hypothesis, problem.parameters
     kind = hypothesis.kinds[slot]
-    if not isinstance(kind, ForceKind) or kind.size.dimension != "force/length" or kind.within:
+    if not isinstance(kind, ForceKind) or kind.size.dimension != "force/length":
         return []
     stiffness, shape = hypothesis.physical(start.common, problem.map, slot)
-    if stiffness <= 0:
+    if joint.within and not kind.within:
+        stiffness = -stiffness
+    if stiffness <= 0 or (kind.within and not joint.within):
         return []
     settings = problem.settings.joint_faults
     slips = [share * place.scales.deflection for share in settings.slips]

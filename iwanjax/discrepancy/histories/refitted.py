@@ -11,7 +11,7 @@ from iwanjax.discrepancy.findings import Refitted
 from iwanjax.discrepancy.histories.ranking import RankedFit
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.effects.estimate import Estimate
-from iwanjax.effects.kinds import ForceKind
+from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.identification.estimates import estimates
 from iwanjax.identification.joint_priors import joints_of
 from iwanjax.identification.likelihood import covariance
@@ -176,6 +176,9 @@ def corrected_model(
         matrices |= {name: matrices[name] + change for name, change in more.items()}
     hypothesis = fitted.hypothesis
     for slot, (kind, where) in enumerate(zip(hypothesis.kinds, hypothesis.where, strict=True)):
+        if isinstance(kind, JointKind) and kind.within:
+            held = float(added[-1][1].initial_stiffness)
+            matrices["K"] -= held * np.outer(rows[where], rows[where])
         if not isinstance(kind, ForceKind):
             continue
         row, values = rows[where], [each.value for each in estimates(problem, fitted, slot)]

@@ -45,6 +45,37 @@ def test_friction_that_sticks_in_k_is_found_and_taken_out_of_it():
     assert float(joint.K_T) == pytest.approx(values["k"])
 
 
+def microslip():
+    """Sliders in parallel, their slips spread evenly: an Iwan joint of chi = 0 and beta = 0."""
+    slips, stretch = 4.0 * SLIP * (np.arange(40) + 0.5) / 40, np.zeros(40)
+
+    def law(d, v, moved):
+        nonlocal stretch
+        stretch = np.clip(stretch + moved, -slips, slips)
+        return STIFFNESS * (np.mean(stretch) - d)
+
+    return law
+
+
+def test_a_joint_left_out_that_sticks_in_k_is_found_and_taken_out_of_it():
+    names = ("coulomb_friction", "stiffness_error", "viscous_damping", "iwan_joint")
+    found = diagnosed(microslip, names)
+    first = found.what[0]
+    assert first.label == "iwan_joint@m1-m2"
+    assert isinstance(first.kind, JointKind)
+    assert first.kind.within
+    assert not first.joint_with
+    values = {p.info.name: p.value for p in first.parameters}
+    assert values["K_T"] == pytest.approx(STIFFNESS, rel=0.05)
+    assert found.after.hold_out < 1.5 * found.noise_floor.hold_out
+    assert found.model is not None
+    row = np.array(PLACES["m1-m2"])
+    assert pytest.approx(K - values["K_T"] * np.outer(row, row), rel=1e-6) == np.asarray(
+        found.model.structure.K
+    )
+    assert "iwan_joint@m1-m2" in found.model.joints
+
+
 def test_nothing_acts_before_it_gives_way_and_less_stiffness_from_then_on():
     d = np.array([0.5, 1.0, 3.0, -1.0])
     moved = np.diff(d, prepend=0.0)
@@ -65,10 +96,10 @@ def test_one_that_gives_way_at_once_is_less_stiffness():
     size, slip = nested.widened((-7.0,), Scales(2.0, 1.0), 1e-3)
     assert (size, slip) == (7.0, 2e-3)
     # A joint left out that slides at once is plain friction: K holds nothing of it.
-    (joint,) = CATALOGUE["iwan_joint"]
-    assert isinstance(joint, JointKind)
-    meant = [[each.means(kind) for each in joint.limits] for kind in (PLAIN, WITHIN)]
-    assert [sum(each) for each in meant] == [1, 0]
+    for joint, wanted in zip(CATALOGUE["iwan_joint"], ([1, 0], [0, 1]), strict=True):
+        assert isinstance(joint, JointKind)
+        meant = [[each.means(kind) for each in joint.limits] for kind in (PLAIN, WITHIN)]
+        assert [sum(each) for each in meant] == wanted
 
 
 def test_the_words_say_what_k_holds():
