@@ -124,6 +124,7 @@ BAD = {
     "not a number": ("[0.5, 0.5, 0]", "[0.5, x, 0]", 10, ["sensors.mean", "'x'"]),
     "empty": ("[0.5, 0.5, 0]", "[]", 10, ["sensors.mean", "0 number(s)"]),
     "input": ("4 UX", "9 UX", 11, ["inputs.hit", "node 9"]),
+    "ground": ("hit: ", "base: ", 11, ["inputs.base", "-M r"]),
     "two sources": ("  matrices:\n", "  file: a.npz\n  matrices:\n", 2, ["file and matrices"]),
     "coordinate": ("input: 2 ux", "input: 2 uy", 19, ["excitation.input", "'2 uy'", "'2 ux'"]),
 }

@@ -10,7 +10,7 @@ from iwanjax.config.faults import fault
 from iwanjax.config.section import CONFIG, ConfigSection
 from iwanjax.config.source import Source
 from iwanjax.errors import InputError
-from iwanjax.structures.model_file import Model
+from iwanjax.structures.model_file import BASE, Model
 
 _DOF = re.compile(r"(\d+)\s+(\w+)")
 _FILES = ("stiffness", "mass", "damping", "nodes")
@@ -108,6 +108,12 @@ def model_of_matrices(source: Source, section: MatricesSection) -> Model:
         named[kind] = {}
         for name, place in getattr(section, kind).items():
             with source.blamed("model", "matrices", kind, name):
+                if (kind, name) == ("inputs", BASE) and isinstance((*place, None)[0], tuple):
+                    raise InputError(
+                        "is the acceleration of the ground, which acts on all masses; expected the "
+                        "row -M r, one number for each coordinate, with r their motion when the "
+                        "ground moves by 1"
+                    )
                 named[kind][name] = _row(matrices, place)
     with source.blamed("model", "matrices"):
         return to_model(matrices, **named)

@@ -163,8 +163,13 @@ def cleaned(
             part = slice(max(0, start - beside), end + beside)
             clean[part, i] = column[part]
             first, last = min(first, start), max(last, end + beside)
-        if noise[i] > settings.endless * peak:
-            # No silence to measure the noise in: a shaker, not a hammer.
+        beyond = column[clean[:, i] == 0.0]
+        cut = float(np.std(beyond)) if beyond.size else 0.0
+        if noise[i] > settings.endless * peak or cut > max(
+            settings.cut_off * noise[i], settings.pulse_peak * peak
+        ):
+            # No silence to measure the noise in: a shaker, not a hammer; or an earthquake, of which
+            # more than noise would be cut off.
             clean[:, i], noise[i], endless = column, 0.0, True
     if endless:
         first = last = 0

@@ -30,6 +30,9 @@ class ConditioningSettings:
         Samples of a pulse: a shorter burst is noise.
     endless : float
         Share of its peak by which the last quarter of a force scatters that never ends.
+    cut_off : float
+        Scatter of a force beyond its pulses over that of its last quarter, above which they are not
+        all of it: up to 1.15 by hammers of the development cases, 1 for noise.
     enough : int, samples
         Samples before the first force that a sensor's noise is measured on.
     spoilt : int, samples
@@ -76,6 +79,7 @@ class ConditioningSettings:
     high: float = 0.2
     fewest: int = 2
     endless: float = 0.05
+    cut_off: float = 1.5
     enough: int = 20
     spoilt: int = 8
     model_error: float = 0.002

@@ -15,7 +15,7 @@ from iwanjax.identification.linearise import innovations
 from iwanjax.identification.places import followed
 from iwanjax.identification.predictor import predictor
 from iwanjax.identification.problem import HistoryProblem
-from iwanjax.identification.recordings import StudyRecording
+from iwanjax.identification.recordings import StudyRecording, cleaned
 
 RATE, N = 512.0, 400
 T = np.arange(N) / RATE
@@ -121,3 +121,14 @@ def test_an_observer_knows_the_ground_at_once():
 def test_the_state_amid_a_shock_is_estimated_from_absolute_accelerations():
     found, _ = problem(felt()[0], first=int(RATE * AT) + 1, initial="unknown")
     assert np.all(off(found) < 0.02)
+
+
+def test_nothing_is_cut_off_an_earthquake_that_dies_away():
+    """Its last quarter is weak, but no noise; after a shock there is noise alone."""
+    random = np.random.default_rng(5)
+    waves = random.standard_normal(4000) * np.exp(-np.arange(4000) / 900.0)
+    found = cleaned(waves[:, None])
+    assert found.endless
+    assert_allclose(found.clean[:, 0], waves)
+    shock = 30.0 * np.exp(-0.5 * ((np.arange(4000) - 300) / 8.0) ** 2)
+    assert not cleaned((shock + 0.01 * random.standard_normal(4000))[:, None]).endless

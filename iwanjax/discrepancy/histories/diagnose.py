@@ -230,6 +230,8 @@ def diagnose_histories(
     )
     warnings = [*sides.fitted.warnings, *sides.warnings(), *taken_off, *contradictions]
     warnings += filter(None, map(unsteady, recordings))
+    if BASE in inputs and quantity != "acceleration":
+        warnings.append(f"The ground moves: each {quantity} was taken to be relative to it")
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
         for name in places
