@@ -43,14 +43,18 @@ def forces_of(hypotheses: tuple[str, ...], variants: bool) -> list[ForceKind]:
 
     Curves of a one-sided force are those of the two-sided one at half the size; loops differ.
     """
-    forces = [kind for kind in kinds_of(hypotheses) if isinstance(kind, ForceKind)]
-    # A joint on its own is in no K.
-    return [force for force in forces if not force.within and (variants or not force.variant)]
+    forces = [kind for kind in _beside_k(hypotheses) if isinstance(kind, ForceKind)]
+    return [force for force in forces if variants or not force.variant]
 
 
 def kinds_named(name: str, hypotheses: tuple[str, ...]) -> list[Kind]:
     """The kind of this name, if it is to be tried."""
-    return [kind for kind in kinds_of(hypotheses) if kind.name == name]
+    return [kind for kind in _beside_k(hypotheses) if kind.name == name]
+
+
+def _beside_k(hypotheses: tuple[str, ...]) -> list[Kind]:
+    """Kinds of which K holds nothing: a joint on its own, or a mode, is fitted at every level."""
+    return [kind for kind in kinds_of(hypotheses) if not getattr(kind, "within", False)]
 
 
 class Trials(Generic[Fit]):

@@ -453,7 +453,7 @@ def test_a_joint_left_out_takes_finer_steps_with_it():
     response = struck(lambda d: 8e3 * d)
     taken, (problem, scope) = resolution(response), searching(response)
     finer = taken.with_substeps(4).problem
-    (place,), (kind,) = scope.places, CATALOGUE["iwan_joint"]
+    (place,), kind = scope.places, CATALOGUE["iwan_joint"][0]
     assert isinstance(kind, JointKind)
     guess = [JointStart(8e3, 1e-3, np.zeros(4))]
     own, (start,) = with_joint(problem, kind, place, guess)
