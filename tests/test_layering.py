@@ -12,7 +12,7 @@ import pytest
 
 LAYERS = [
     {"errors", "types", "curves", "results", "tables", "files", "threads", "compiler", "kernels"}
-    | {"settings"},
+    | {"settings", "correlation"},
     {"joints", "signals"},
     {"structures", "effects"},
     {"quasistatic", "dynamics"},

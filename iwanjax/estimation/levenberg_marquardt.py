@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from iwanjax.estimation.evidence import correlation_time
+from iwanjax.correlation import correlation_time
 from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.estimation.problem import GroupedSquares, LeastSquaresSolution
 from iwanjax.estimation.settings import SEARCH, SearchSettings

@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iwanjax.correlation import correlation_time
 from iwanjax.effects.faults import AbstractAddedFault
 from iwanjax.effects.kinds import JointKind
-from iwanjax.estimation.evidence import correlation_time, log_evidence
+from iwanjax.estimation.evidence import log_evidence
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.problem import HistoryProblem, free_values, values_measured
 from iwanjax.signals.comparison_band import OF_NOISE

@@ -9,15 +9,21 @@ from iwanjax.signals.hilbert import RingDown, ringdown, ringdown_curves
 from iwanjax.signals.merge import MergedCurves, merge_curves
 from iwanjax.signals.readers import read_recording, read_recordings
 from iwanjax.signals.recording import Channel, Recording
-from iwanjax.signals.response_control import resonance_from_control
+from iwanjax.signals.response_control import (
+    ControlledResonance,
+    controlled_resonance,
+    resonance_from_control,
+)
 
 __all__ = [
     "Channel",
+    "ControlledResonance",
     "ForceLoop",
     "MergedCurves",
     "Recording",
     "RingDown",
     "band_pass",
+    "controlled_resonance",
     "curves_from_force_control",
     "file_contents",
     "merge_curves",

@@ -41,6 +41,30 @@ class SteppedSine(NamedTuple):
         """Of the level that all points are of."""
         return f"level {self.level[0]:g}"
 
+    @property
+    def dynamic(self) -> np.ndarray:
+        """Dynamic stiffness, force over displacement, (points,)."""
+        return self.inphase + 1j * self.quadrature
+
+    def of_one_mode(self, flexibility: float) -> "SteppedSine":
+        r"""The same of a mode alone, where all others add a flexibility to its own.
+
+        .. math:: \frac{F}{U - R F} = \frac{Z}{1 - R Z}, \qquad Z = \frac{F}{U}
+
+        Parameters
+        ----------
+        flexibility : float
+            R, the sum of the other modes' displacement over force (Ewins, Modal Testing, Sec. 4.3:
+            the residual terms); negative below the mode, where rigid bodies weigh most.
+        """
+        share = 1.0 - flexibility * self.dynamic
+        own = self.dynamic / share
+        return self._replace(
+            displacement=self.displacement * np.abs(share),
+            inphase=np.real(own),
+            quadrature=np.imag(own),
+        )
+
     def of(self, at: np.ndarray) -> "SteppedSine":
         """Those of the points, in the order of their frequencies."""
         picked = SteppedSine(*(each[at] for each in self))

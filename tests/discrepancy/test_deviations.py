@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from iwanjax.estimation.evidence import correlation_time, linearised
+from iwanjax.correlation import correlation_time
+from iwanjax.estimation.evidence import linearised
 
 LEVELS, DRAWS, SHARE = 60, 300, 0.6
 

@@ -12,8 +12,8 @@ import pytest
 import scipy.linalg
 import scipy.stats
 
+from iwanjax.correlation import correlation_time
 from iwanjax.estimation.evidence import (
-    correlation_time,
     linearised,
     log_evidence,
     misspecification_probability,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iwanjax as ij
-from iwanjax.estimation.evidence import correlation_time
+from iwanjax.correlation import correlation_time
 from iwanjax.estimation.levenberg_marquardt import Descent, Layout, SearchStart, step_within
 from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.identification.joint_priors import Joint, joints_at, located

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
-from iwanjax.signals import read_response_control, resonance_from_control
+from iwanjax.signals import (
+    controlled_resonance,
+    read_response_control,
+    resonance_from_control,
+)
 from iwanjax.studies import load_study
 
 MASS, ZETA = 0.7, 0.004
@@ -67,6 +71,99 @@ def test_standard_deviations_are_those_of_repeated_measurements():
         assert abs(np.mean(values) - truth) < 4.0 * scatter / np.sqrt(400)
         # 400 repetitions tell a deviation to 3.5 %, one in sixteen thousand misses it by four.
         assert np.sqrt(np.mean(claimed**2)) == pytest.approx(scatter, rel=0.14)
+
+
+def among_others(columns, flexibility):
+    """The same as a sensor shows it where rigid bodies and other modes move it too."""
+    u = columns["response"] * np.exp(1j * columns["phase"]) / (1j * columns["frequency"]) ** 2
+    u = u / (2.0 * np.pi) ** 2 + flexibility * columns["force"]
+    a = u * (2j * np.pi * columns["frequency"]) ** 2
+    # The level is held at the sensor, not at the mode.
+    scale = columns["level"] / np.abs(a)
+    return columns | {
+        "force": columns["force"] * scale,
+        "response": columns["level"],
+        "phase": np.angle(a),
+    }
+
+
+def test_other_modes_do_not_pass_for_drift_or_damping():
+    columns, frequency = measured([1.0, 2.0, 4.0], 2)
+    stiffness = MASS * 600.0**2
+    mixed = among_others(columns, -3.0 / stiffness)
+    found = controlled_resonance(**mixed)
+    assert found.flexibility * stiffness == pytest.approx(-3.0, rel=1e-6)
+    np.testing.assert_allclose(found.curves.frequency, frequency, rtol=1e-7)
+    np.testing.assert_allclose(found.curves.damping, ZETA, rtol=1e-4)
+    np.testing.assert_allclose(found.mass, MASS, rtol=1e-5)
+
+
+def test_without_other_modes_none_are_seen_in_noise():
+    rng = np.random.default_rng(2)
+    columns, _ = measured([1.0, 2.0, 4.0], 2)
+    Z = columns["force"] / columns["response"] * np.exp(-1j * columns["phase"])
+    seen = 0
+    for _ in range(100):
+        noisy = Z * (1.0 + 2e-3 * rng.standard_normal(Z.shape) * np.exp(0.7j))
+        changed = {"force": np.abs(noisy) * columns["response"], "phase": -np.angle(noisy)}
+        seen += controlled_resonance(**columns | changed).flexibility != 0.0
+    assert seen <= 5
+
+
+def test_a_mode_that_drifts_while_it_is_measured_is_known_no_better_than_that():
+    rng, levels = np.random.default_rng(3), np.arange(1.0, 9.0)[:, None]
+    omega = BAND * 600.0
+    # From the first point of a level to the last the mode moves, each level by its own.
+    moved = 1e-3 * rng.standard_normal((8, 1)) * np.linspace(-0.5, 0.5, BAND.size)
+    Z = MASS * (600.0 * (1.0 + moved)) ** 2 * (1.0 + 2j * ZETA) - MASS * omega**2
+    found = controlled_resonance(
+        levels,
+        omega / (2 * np.pi),
+        np.abs(Z) * levels,
+        levels,
+        -np.angle(Z),
+        quantity="displacement",
+    )
+    in_hz = 600.0 / (2 * np.pi) * np.std(moved[:, -1] - moved[:, 0], ddof=1)
+    assert found.drift == pytest.approx(in_hz, rel=0.1)
+    np.testing.assert_allclose(found.curves.frequency_std, found.drift, rtol=0.05)
+
+
+def test_residuals_that_are_alike_count_as_fewer():
+    columns, _ = measured([1.0], 0, friction=False)
+    Z = columns["force"] * np.exp(-1j * columns["phase"])
+    slow = 200.0 * np.sin(np.linspace(0.0, 4.0 * np.pi, BAND.size))
+
+    def deviation(added):
+        changed = {"force": np.abs(Z + added), "phase": -np.angle(Z + added)}
+        curves = resonance_from_control(**columns | changed, quantity="displacement")
+        return float(curves.frequency_std[0])
+
+    shuffled = np.random.default_rng(0).permutation(slow)
+    assert deviation(slow) > 1.4 * deviation(shuffled)
+
+
+def test_the_measured_beam_has_rigid_bodies_beside_its_mode(reference_data):
+    table = np.genfromtxt(
+        reference_data / "brb_rice" / "response_control.csv", delimiter=",", names=True
+    )
+    found = {}
+    for name, levels in {"low": range(1, 6), "high": range(6, 9)}.items():
+        rows = table[np.isin(table["level"], list(levels))]
+        found[name] = controlled_resonance(
+            rows["level"],
+            rows["frequency_hz"],
+            rows["force_n"],
+            rows["acceleration_m_s2"],
+            # Stored with the sign of a displacement.
+            rows["phase_rad"] + np.pi,
+        )
+    stiffness = 1.9 * (2.0 * np.pi * 80.3) ** 2
+    # Other levels, the same neighbours and the same modal mass.
+    low, high = found["low"], found["high"]
+    assert low.flexibility * stiffness == pytest.approx(high.flexibility * stiffness, abs=0.6)
+    assert np.mean(low.mass) == pytest.approx(np.mean(high.mass), rel=0.01)
+    assert high.drift < 0.01 < low.drift < 0.1  # Hz
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.correlation import correlation_time
 from iwanjax.effects.estimate import Estimate
 from iwanjax.effects.kinds import ForceKind, JointKind, Kind
-from iwanjax.estimation.evidence import correlation_time, linearised
+from iwanjax.estimation.evidence import linearised
 from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart
 from iwanjax.estimation.problem import (

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_ranking import SEARCH, WHITE, N, entry
 
+from iwanjax.correlation import correlation_time
 from iwanjax.discrepancy.histories.ranking import RankedFit, missing, ranked
 from iwanjax.discrepancy.judgement import Misfit, judged
-from iwanjax.estimation.evidence import correlation_time
 
 TAU = correlation_time(WHITE)
 # Of a fit to the noise; of nothing, far from it: which of the others it is decides.

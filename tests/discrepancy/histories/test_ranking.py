@@ -4,6 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from iwanjax.correlation import correlation_time
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
@@ -18,7 +19,6 @@ from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import compared
 from iwanjax.effects.catalogue import kinds_of
 from iwanjax.effects.kinds import ForceKind
-from iwanjax.estimation.evidence import correlation_time
 from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.parameter_map import ParameterMap
 from iwanjax.joints import PlaceMotion
