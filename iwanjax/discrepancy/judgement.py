@@ -102,7 +102,8 @@ def judged(
 
     With :math:`s_i` the shares that evidence alone gives to nothing (0) and to each candidate,
 
-    .. math:: P_0 = (1 - u_0)\, s_0, \quad P_i = (1 - u_1)\, s_i, \quad
+    .. math:: P_0 = (1 - u_0)\, s_0, \quad
+              P_i = (1 - u_1)\, s_i\left(1 + (1 - v)\frac{u_0 s_0}{\sum_{j>0} s_j}\right), \quad
               P_{else} = 1 - P_0 - \textstyle\sum P_i .
 
     Evidence compares what was tried; :math:`u` says that the truth is none of it. Nothing is
@@ -116,7 +117,10 @@ def judged(
     real recordings hold more than any model, and a correction that takes 93 % of a large misfit is
     one, though the rest is well above the noise; a neighbour of the truth leaves more. The misfits
     of fitted and held-out recordings, each over its own noise, are added as squares: the truth
-    leaves a small share of all that is unexplained. Nothing missing has to hold for each.
+    leaves a small share of all that is unexplained. Nothing missing has to hold for each. Where its
+    misfit refutes nothing, :math:`u_0 > 1/2`, and few values say so little that evidence alone does
+    not, what was tried inherits its probability as far as it takes that misfit away: v is the same
+    bound, and 1 elsewhere.
 
     The verdict is *nothing missing* or *something missing* where that has more than half of the
     probability (the latter also where the first candidate is likelier than nothing), else
@@ -141,7 +145,11 @@ def judged(
     refuted = max(map(misspecification_probability, before))
     doubt = _unexplained(before, before if after is None else after)
     p_nothing = (1.0 - refuted) * float(odds[0])
-    named = tuple(((1.0 - doubt) * odds[1:]).tolist())
+    named = (1.0 - doubt) * odds[1:]
+    if after is not None and candidates and refuted > 0.5:
+        inherited = refuted * float(odds[0]) * (1.0 - _neighbouring(before, after))
+        named = named + (1.0 - doubt) * inherited * shares(np.asarray(candidates))
+    named = tuple(named.tolist())
     name = _named(p_nothing, named)
     return Verdict(
         name,
@@ -219,6 +227,13 @@ def _detected(name: VerdictName, misfit: float) -> bool:
 
 def _unexplained(before: Misfit, after: Misfit) -> float:
     """Probability that a correction is not the truth, by the share of the misfit that it leaves."""
+    if _excess(after) == 0.0:
+        return 0.0
+    return min(max(map(misspecification_probability, after)), _neighbouring(before, after))
+
+
+def _neighbouring(before: Misfit, after: Misfit) -> float:
+    """The same by that share alone."""
     there, left = _excess(before), _excess(after)
     if left == 0.0:
         return 0.0
@@ -227,8 +242,7 @@ def _unexplained(before: Misfit, after: Misfit) -> float:
         share = math.inf
     known = settings().judgement
     odds = (share / known.neighbour) ** known.sharpness
-    bound = odds / (1.0 + odds) if math.isfinite(odds) else 1.0
-    return min(max(map(misspecification_probability, after)), bound)
+    return odds / (1.0 + odds) if math.isfinite(odds) else 1.0
 
 
 def _excess(misfit: Misfit) -> float:

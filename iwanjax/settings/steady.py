@@ -25,6 +25,9 @@ class SteadySettings:
     loop_shares, loop_slips : tuple of float, factors
         Shares of the largest force, and deflections over the largest, at which a joint left out of
         loops slips to begin with.
+    both : (float, float), factors
+        Strengths of a joint left out that a search with a force beside it begins with, over the one
+        that it has without: a force that hardens hides how much a joint softens.
     sizes : tuple of float, factors
         Sizes of a force on modes that a refit begins with, over the one of the best score.
     stiffnesses, slips : tuple of float, factors
@@ -51,6 +54,9 @@ class SteadySettings:
     negligible : float, share
         Share of the largest value below which a change is rounding: of stiffness and loss with
         amplitude, of a force with rate, of costs.
+    wide : float, natural logarithm
+        Deviation of a variable before the data, as of the priors of a joint's strength: a factor
+        of four and a half either way.
     lossless : float, share
         Loss over the energy that a force turns over, below which it is rounding.
     ratios : tuple of float, factors
@@ -101,6 +107,7 @@ class SteadySettings:
     strengths: tuple[float, ...] = (1.0, 0.1)
     loop_shares: tuple[float, ...] = (0.5, 0.1)
     loop_slips: tuple[float, ...] = (1.0, 0.1, 0.3, 3.0)
+    both: tuple[float, float] = (0.5, 8.0)
     sizes: tuple[float, ...] = (1.0, 0.5, 2.0, 0.1)
     stiffnesses: tuple[float, ...] = (1.0, 0.1, 10.0)
     slips: tuple[float, ...] = (1.0, 0.1, 10.0)
@@ -123,6 +130,7 @@ class SteadySettings:
     reshaped: float = 1e-2
     at_once: float = 1.0 / 30.0
     negligible: float = 1e-6
+    wide: float = 1.5
     lossless: float = 1e-9
     ratios: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
     every: int = 16

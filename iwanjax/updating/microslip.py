@@ -52,7 +52,12 @@ class Microslip(NamedTuple):
 
 
 def alike_in_microslip(
-    F_S: float, K_T: float, chi: float, beta: float, reach: float
+    F_S: float,
+    K_T: float,
+    chi: float,
+    beta: float,
+    reach: float,
+    stiffest: float | None = None,
 ) -> list[dict[str, float]]:
     r"""Iwan joints that no deflection up to ``reach`` tells from one in microslip.
 
@@ -67,6 +72,9 @@ def alike_in_microslip(
         The joint.
     reach : float
         Largest deflection in the curves.
+    stiffest : float, optional
+        Largest K_T, where a mode has other stiffness that a larger one may be taken from: in
+        :class:`~iwanjax.ModalOscillator` only the sum shows. K_T itself by default.
 
     Returns
     -------
@@ -80,13 +88,15 @@ def alike_in_microslip(
     if not 0.0 < R < np.inf:
         return []
     # By logarithms: near chi = -1 it is beyond all numbers.
-    last = min(math.log(n * K_T / R) / n, math.log(_FARTHEST * reach))
+    most = K_T if stiffest is None else max(K_T, stiffest)
+    last = min(math.log(n * most / R) / n, math.log(_FARTHEST * reach))
     first, last = _BEYOND * reach, _SHORT * math.exp(last)
     if last <= first:
         return []
     found = []
     for phi_max in np.geomspace(first, last, _PLACES):
-        S = K_T - R * phi_max**n / n
+        yielding = R * phi_max**n / n
+        S = max(K_T, yielding / _SHORT**n) - yielding
         joint = physical_of("microslip", R, S, chi, phi_max)
         found.append({name: float(value) for name, value in joint.items()})
     return found

@@ -74,6 +74,9 @@ def test_a_worse_fit_does_not_raise_the_bar_for_its_own_detection(nothing, misfi
         ([50.0], (200.0, 200.0), (20.0, 20.0), "something_missing", True),
         ([50.0], (200.0, 200.0), (150.0, 150.0), "undecided", True),
         ([50.0], (200.0, 200.0), (2.0, 150.0), "undecided", True),
+        # So few values that evidence alone stays with nothing, whose misfit refutes it.
+        ([-6.0], (2.2, 3.0), (1.0, 1.0), "something_missing", True),
+        ([-6.0], (2.2, 3.0), (2.0, 2.8), "undecided", True),
         # Little evidence of something small.
         ([0.0], (1.1, 1.0), (1.0, 1.0), "undecided", False),
     ],

@@ -105,7 +105,7 @@ class ModeProblem(AbstractCurvesProblem):
 
     def reshaped(self, effect: PlacedEffect) -> "ModeProblem":
         """The same with a force of another shape."""
-        acting = self.acting.at(effect, self.measured.q, 0, _omega(self.measured))
+        acting = self.acting.at(effect, self.measured.q, 0, omega_of(self.measured))
         return eqx.tree_at(lambda p: p.acting, self, acting)
 
     def predicted(
@@ -116,7 +116,7 @@ class ModeProblem(AbstractCurvesProblem):
         which: int,
     ) -> tuple[ModalCurves, ...]:
         """The model at the amplitudes of the mode's curves, in their order."""
-        found, omega = [], _omega(self.measured)
+        found, omega = [], omega_of(self.measured)
         for i, curves in enumerate(measured):
             seen = curves.as_quantity("displacement")
             acting = self.acting.at(effect, seen.amplitude, i, omega)
@@ -154,7 +154,7 @@ def fit_beside(
     best, from the joint as it is alone and from some of the draws; the best then from all.
     """
     base = alone.problem.base
-    q, omega = np.asarray(about(base.measured.q)), _omega(base.measured)
+    q, omega = np.asarray(about(base.measured.q)), omega_of(base.measured)
     begin = kind.shapes(Scales(float(q.max()), 2.0 * math.pi / omega))
     few = joints_to_begin_with(alone, draws)
 
@@ -163,7 +163,7 @@ def fit_beside(
         unit = unit_on(effect, base.measured.q, omega)
         if not shows(unit, q):
             return None
-        largest = _largest(base.measured, unit)
+        largest = largest_size(base.measured, unit)
         problem = _with_force(base, unit, largest, kind.positive)
         starts = with_sizes(joints, kind, largest, random)
         return searched(effect, problem, starts, settings().steady.runs)
@@ -267,7 +267,7 @@ def fit_coupled(
 
     def moved(base: ModalProblem) -> ModeProblem:
         measured = base.measured
-        acting = ActingMode.of(interacting, _omega(measured), len(measured.slices))
+        acting = ActingMode.of(interacting, omega_of(measured), len(measured.slices))
         return _problem(base, ("ratio",), Size(jnp.ones(()), jnp.ones(())), acting)
 
     if not any(np.any(each > 0.0) for each in interacting.amplitude[: len(base.measured.slices)]):
@@ -318,7 +318,7 @@ def _problem(
     )
 
 
-def _largest(measured: Measured, unit: Beside) -> float:
+def largest_size(measured: Measured, unit: Beside) -> float:
     """Size at which a force alone would make the changes that were measured."""
     q, f, zeta = (np.asarray(x) for x in (measured.q, measured.frequency, measured.damping))
     omega2 = (2.0 * math.pi * f) ** 2
@@ -338,7 +338,7 @@ def _stuck(fit: ModeFit) -> np.ndarray:
     return theta
 
 
-def _omega(measured: Measured) -> float:
+def omega_of(measured: Measured) -> float:
     """Circular frequency of the cycles that forces are worked out for, rad/s."""
     return 2.0 * math.pi * float(np.mean(np.asarray(measured.frequency)))
 

@@ -19,6 +19,8 @@ from iwanjax.discrepancy.steady.curves import (
     gives_energy,
 )
 from iwanjax.discrepancy.steady.cycle import InteractingMode
+from iwanjax.discrepancy.steady.extrapolation import spread, without_needless_macroslip
+from iwanjax.discrepancy.steady.joint_and_force import elastic_neighbours, fit_with_both
 from iwanjax.discrepancy.steady.loops import (
     LoopFit,
     driven,
@@ -27,6 +29,12 @@ from iwanjax.discrepancy.steady.loops import (
     loops_with_joint,
     noise_of,
 )
+from iwanjax.discrepancy.steady.repeatability import (
+    Disagreement,
+    deviating_by_both,
+    disagreements,
+    offset_by,
+)
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, clear_differences
 from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
 from iwanjax.effects.estimate import Estimate
@@ -34,6 +42,7 @@ from iwanjax.errors import InputError
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.estimation.parameters import Parameter, drawn, replaced
 from iwanjax.joints import AbstractJoint, joint_type
+from iwanjax.joints.iwan import AbstractIwan
 from iwanjax.settings.stages import settings
 from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.types import require_double_precision
@@ -150,6 +159,14 @@ def diagnose_curves(
     by_itself = base
     if estimator_curves:
         by_itself = modal_problem(kind, estimator_doubted[: len(several)], row, "absolute")
+    if not issubclass(kind, AbstractIwan) and (joined := trials.joined):
+        # A law without microslip has none to harden beside.
+        trials.fit(
+            elastic_neighbours(trials.found, alone.count - joined.unknowns),
+            lambda force: f"with a joint left out and {force.kind.name}",
+            lambda force: fit_with_both(joined, force.kind, force.size, random),
+        )
+    alone, *trials.found = map(without_needless_macroslip, (alone, *trials.found))
     coupled = kinds_named("modal_coupling", hypotheses)
     trials.fit(
         interacting_modes if coupled else (),
@@ -168,6 +185,26 @@ def diagnose_curves(
         measured, _ = against(chosen)
         return CurveRun.of(measured, fit.predicted(measured), len(several))
 
+    def opened(fit: ModeFit) -> tuple[ModalCurves, ...]:
+        """By how much predictions move within what the fitted levels leave open."""
+        return spread(fit, (*several, *others))
+
+    def apart(fit: ModeFit) -> dict[int, Disagreement]:
+        """Curves that no law of amplitude explains together with those that were fitted."""
+        # Another mode makes hits differ at equal amplitude; that is tried as a hypothesis.
+        if interacting_modes:
+            return {}
+        _, known = against(fit)
+        together = tuple(map(deviating_by_both, known, opened(fit)))
+        return disagreements(CurveRun.of(known, fit.predicted(known), len(several)), together)
+
+    def foreseen(fit: ModeFit, after: CurveRun) -> Mapping[str, float]:
+        """Errors of a right model that is not told how the recordings differ."""
+        known, found = list(against(fit)[1]), apart(fit)
+        for i, each in found.items():
+            known[i] = offset_by(known[i], each)
+        return CurveRun.of(tuple(known), after.predicted, len(several)).floors()
+
     return concluded(
         trials,
         alone,
@@ -175,11 +212,15 @@ def diagnose_curves(
         run,
         row,
         estimates=lambda fit: _per_modal_mass(fit.estimates(), several[0]),
-        expected=lambda fit, after: CurveRun.of(
-            against(fit)[1], after.predicted, len(several)
-        ).floors(),
+        expected=foreseen,
+        spread=lambda fit: CurveRun.of((*several, *others), opened(fit), len(several)).deviations(),
         observables=lambda before: clear_differences(before, mode, name),
-        warnings=lambda fit: (*_active(active, fit), *_unseen_by_curves(name, trials.unseen)),
+        warnings=lambda fit: (
+            *map(str, apart(fit).values()),
+            *_sticking(fit, name),
+            *_active(active, fit),
+            *_unseen_by_curves(name, trials.unseen),
+        ),
     )
 
 
@@ -341,6 +382,16 @@ def _per_modal_mass(estimates: Sequence[Estimate], curves: ModalCurves) -> tuple
         each._replace(info=replace(each.info, dimension=modal_unit(each.info.dimension, curves)))
         for each in estimates
     )
+
+
+def _sticking(fit: ModeFit, name: str) -> list[str]:
+    """What levels below macroslip leave open of a joint."""
+    if not fit.idle:
+        return []
+    return [
+        f"The fitted levels do not show that {name} comes to macroslip: F_S and beta are not "
+        "known, and beyond these levels microslip is taken to go on"
+    ]
 
 
 def _active(active: Sequence[ModeFit], chosen: ModeFit) -> list[str]:

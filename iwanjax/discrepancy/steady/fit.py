@@ -46,21 +46,33 @@ class PlacedEffect(NamedTuple):
         Of a force that has one.
     where : str
         Place of a structure; empty beside the only joint.
+    force : ForceKind or None
+        Beside a joint left out, a force that acts with it; the shape is its.
     """
 
     kind: Kind
     shape: float = 1.0
     where: str = ""
+    force: ForceKind | None = None
 
     @property
     def sizes(self) -> tuple[ParameterInfo, ...]:
         """What is fitted beside the shape."""
-        return self.kind.parameters if isinstance(self.kind, JointKind) else (self.kind.size,)
+        own = self.kind.parameters if isinstance(self.kind, JointKind) else (self.kind.size,)
+        return own if self.force is None else (*own, self.force.size)
 
     @property
     def shape_info(self) -> ParameterInfo | None:
         """Of a force, its shape parameter where it has one."""
+        if self.force is not None:
+            return self.force.shape
         return self.kind.shape if isinstance(self.kind, ForceKind) else None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of what acts, and where."""
+        together = (self.kind.name,) if self.force is None else (self.kind.name, self.force.name)
+        return (*together, self.where)
 
 
 class Size(eqx.Module):
@@ -180,6 +192,11 @@ class SteadyFit(Generic[Problem]):
         Sum of squared residuals over their deviations.
     cost : float
         What the same likelihood is worth with the deviations that the model alone is judged by.
+    idle : tuple of int
+        Where in theta values are that the measurements do not depend on: these count as not
+        adjusted.
+    alike : tuple of (parameters,) array
+        Parameters that the measurements cannot tell from theta, and predictions beyond them can.
     """
 
     effect: PlacedEffect | None
@@ -187,6 +204,8 @@ class SteadyFit(Generic[Problem]):
     theta: np.ndarray
     left: float
     cost: float
+    idle: tuple[int, ...] = ()
+    alike: tuple[np.ndarray, ...] = ()
 
     @property
     def values(self) -> np.ndarray:
@@ -198,7 +217,7 @@ class SteadyFit(Generic[Problem]):
         """Values that were adjusted."""
         effect = self.effect
         own = 0 if effect is None else len(effect.sizes) + (effect.shape_info is not None)
-        return self.problem.unknowns + own
+        return self.problem.unknowns + own - len(self.idle)
 
     @property
     def count(self) -> int:
@@ -225,7 +244,9 @@ class SteadyFit(Generic[Problem]):
         Whether there is an effect at all: a slider that slips from the first has a force, though
         neither its stiffness nor its slip is known.
         """
-        return linearised(self.linear[1], self.left, self.correlation())[self.problem.places]
+        slopes = self.linear[1].copy()
+        slopes[:, list(self.idle)] = 0.0
+        return linearised(slopes, self.left, self.correlation())[self.problem.places]
 
     def estimates(self) -> tuple[Estimate, ...]:
         """The effect's values and its shape, with standard deviations."""
@@ -235,12 +256,21 @@ class SteadyFit(Generic[Problem]):
         if shape is None:
             rows = zip(effect.sizes, self.values.tolist(), self.std().tolist(), strict=True)
             return tuple(Estimate(*row) for row in rows)
-        by = settings().steady.reshaped
-        up, down = (self._reshaped(effect, math.exp(step)) for step in (by, -by))
-        both = np.column_stack([self.linear[1], (up - down) / (2.0 * by)])
+        both = np.column_stack([self.linear[1], self.by_shape()])
+        both[:, list(self.idle)] = 0.0
         std = linearised(both, self.left, self.correlation())
-        size = Estimate(effect.sizes[0], float(self.values[0]), float(std[-2]))
-        return size, Estimate(shape, effect.shape, effect.shape * float(std[-1]))
+        known = std[[*self.problem.places, -1]]
+        values = (*self.values.tolist(), effect.shape)
+        scaled = (*known[:-1].tolist(), effect.shape * float(known[-1]))
+        rows = zip((*effect.sizes, shape), values, scaled, strict=True)
+        return tuple(Estimate(*row) for row in rows)
+
+    def by_shape(self) -> np.ndarray:
+        """Derivatives of the residuals by the logarithm of the effect's shape."""
+        assert self.effect is not None
+        by = settings().steady.reshaped
+        up, down = (self._reshaped(self.effect, math.exp(step)) for step in (by, -by))
+        return (up - down) / (2.0 * by)
 
     def _reshaped(self, effect: PlacedEffect, factor: float) -> np.ndarray:
         """Residuals with a shape so many times as large, nothing fitted again."""

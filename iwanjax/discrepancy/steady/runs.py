@@ -96,10 +96,14 @@ class CurveRun(AbstractRun):
         ]
 
     def _expected(self) -> Sequence[float]:
-        return [
-            self._share(np.asarray(seen.frequency_std), np.asarray(seen.damping_std))
-            for seen in self.measured
-        ]
+        return [self._deviation(seen) for seen in self.measured]
+
+    def deviations(self) -> Mapping[str, float]:
+        """The deviations that the predicted curves have, by recording."""
+        return dict(zip(self.names, map(self._deviation, self.predicted), strict=True))
+
+    def _deviation(self, curves: ModalCurves) -> float:
+        return self._share(np.asarray(curves.frequency_std), np.asarray(curves.damping_std))
 
     def _share(self, f: np.ndarray, zeta: np.ndarray) -> float:
         return _rms(np.stack([f / self.scales[0], zeta / self.scales[1]]))

@@ -18,16 +18,17 @@ from iwanjax.discrepancy.findings import (
     alike,
 )
 from iwanjax.discrepancy.judgement import Misfit, judged, worse
-from iwanjax.discrepancy.steady.fit import AnyFit, Fit, best_of
+from iwanjax.discrepancy.steady.fit import AnyFit, Fit, PlacedEffect, best_of
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
 from iwanjax.effects.catalogue import kinds_of
 from iwanjax.effects.estimate import Estimate
-from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.estimation.evidence import (
     LEAST_GAIN,
     MODEL_ERROR_ALLOWANCE,
     linearised,
     log_evidence,
+    misspecification_probability,
 )
 from iwanjax.estimation.parameters import Parameter
 from iwanjax.joints import ParameterInfo
@@ -115,6 +116,16 @@ class Trials(Generic[Fit]):
         hidden = self.fit(forces, lambda force: f"with {force.name}", fitted)
         self.unseen += dict.fromkeys(force.name for force in hidden)
 
+    @property
+    def joined(self) -> Fit | None:
+        """The fit with a joint left out, if it was tried."""
+        those = [
+            fit
+            for fit in self.found
+            if fit.effect is not None and isinstance(fit.effect.kind, JointKind)
+        ]
+        return best_of(those) if those else None
+
     def sliders(self, where: str = "") -> list[Fit]:
         """Fits of a slider at a place, the best first: a limit of a joint left out."""
         those = [
@@ -146,14 +157,17 @@ class Ranking(NamedTuple, Generic[Fit]):
         Its log evidence, and how much likelier it is before the data.
     entries : tuple of Weighed
         What may act beside it, the best first.
+    refuted : bool
+        Whether its own misfit says that it is not all there is.
     """
 
     alone: Fit
     nothing: float
     entries: tuple[Weighed[Fit], ...]
+    refuted: bool = False
 
     @classmethod
-    def of(cls, alone: Fit, found: Sequence[Fit]) -> "Ranking[Fit]":
+    def of(cls, alone: Fit, found: Sequence[Fit], refuted: bool = False) -> "Ranking[Fit]":
         """By evidence, the best of every kind at a place only.
 
         A force whose size is not determined is none, where one would be the verdict. Rivals are
@@ -166,11 +180,14 @@ class Ranking(NamedTuple, Generic[Fit]):
             The joint on its own.
         found : sequence of Fit
             What may act beside it.
+        refuted : bool
+            Whether its own misfit says that it is not all there is: then the best of what may act
+            beside it is looked at, though few values alone do not tell.
         """
-        best: dict[tuple[str, str], Fit] = {}
+        best: dict[tuple[str, ...], Fit] = {}
         for fit in found:
             assert fit.effect is not None
-            what = (fit.effect.kind.name, fit.effect.where)
+            what = fit.effect.names
             best[what] = best_of([best.get(what, fit), fit])
         fits = [alone, *best.values()]
         first = best_of(fits)
@@ -190,12 +207,12 @@ class Ranking(NamedTuple, Generic[Fit]):
         # the others are as good, not better.
         entries.sort(key=lambda each: -round(each.value, 1))
         ordered = np.minimum.accumulate([each.value for each in entries]).tolist()
-        if entries and ordered[0] > nothing:
+        if entries and (refuted or ordered[0] > nothing):
             known = [each.fit for each in entries if determined(each.fit)]
             if len(known) < len(entries):
-                return cls.of(alone, known)
+                return cls.of(alone, known, refuted)
         led = (each._replace(value=v) for each, v in zip(entries, ordered, strict=True))
-        return cls(alone, nothing, tuple(led))
+        return cls(alone, nothing, tuple(led), refuted)
 
     @property
     def detected(self) -> bool:
@@ -205,7 +222,8 @@ class Ranking(NamedTuple, Generic[Fit]):
     @property
     def chosen(self) -> Fit:
         """The model to go on with."""
-        return self.entries[0].fit if self.detected else self.alone
+        suspected = self.detected or (self.refuted and self.entries)
+        return self.entries[0].fit if suspected else self.alone
 
     def suspects(
         self,
@@ -217,17 +235,26 @@ class Ranking(NamedTuple, Generic[Fit]):
         for each, probability in zip(self.entries, probabilities, strict=True):
             effect, behind = each.fit.effect, each.value - self.entries[0].value
             assert effect is not None
-            place = effect.where or where
-            yield Suspect(effect.kind, place, probability, behind, estimates(each.fit))
+            place, told = effect.where or where, estimates(each.fit)
+            if effect.force is None:
+                yield Suspect(effect.kind, place, probability, behind, told)
+                continue
+            # Both are there or neither: each with its own parameters.
+            kinds, own = (effect.kind, effect.force), len(PlacedEffect(effect.kind).sizes)
+            labels = [f"{kind.name}@{place}" for kind in kinds]
+            for i, part in enumerate((told[:own], told[own:])):
+                yield Suspect(kinds[i], place, probability, behind, part, (labels[1 - i],))
 
 
 def determined(fit: AnyFit) -> bool:
     """Whether an effect is known to be there, by two standard deviations of a size.
 
     Of a joint left out either strength or stiffness: the one is not known where it only sticks,
-    the other where it only slips.
+    the other where it only slips. With a force beside it that has to be known as well.
     """
-    return bool(np.any(np.abs(fit.values[:2]) > settings().judgement.sure * fit.std()[:2]))
+    sure = np.abs(fit.values) > settings().judgement.sure * fit.std()
+    beside = fit.effect is not None and fit.effect.force is not None
+    return bool(np.any(sure[:2]) and (sure[-1] or not beside))
 
 
 def concluded(
@@ -241,6 +268,7 @@ def concluded(
     observables: Callable[[Run], tuple[Observable, ...]] = lambda before: (),
     scores: tuple[Score, ...] = (),
     expected: Callable[[Fit, Run], Mapping[str, float]] = lambda fit, after: after.floors(),
+    spread: Callable[[Fit], Mapping[str, float]] | None = None,
     warnings: Callable[[Fit], Sequence[str]],
 ) -> Diagnosis:
     """The verdict.
@@ -266,35 +294,49 @@ def concluded(
     expected : function
         Of a fit and its prediction: errors that are no surprise, by recording; the noise's, unless
         the model's form is known to be off as well.
+    spread : function, optional
+        Of a fit: by how much its predictions move within what the fitted recordings leave open of
+        its parameters, by recording.
     warnings : function
         Of the fit that is chosen: what is odd beside the errors themselves.
     """
-    standing = Ranking.of(alone, trials.found)
+
+    def opened(fit: Fit, fitted: int) -> Errors:
+        """What the fitted recordings leave open."""
+        return Errors(math.nan, math.nan) if spread is None else _errors(spread(fit), fitted)
+
+    first = run(alone, alone)
+    fitted = first.fitted
+    before = _errors(first.by_recording(), fitted)
+    misfit = _misfit(
+        before, _errors(expected(alone, first), fitted), opened(alone, fitted).hold_out
+    )
+    refuted = max(map(misspecification_probability, misfit)) > 0.5
+    standing = Ranking.of(alone, trials.found, refuted)
     refused: list[Refused] = []
     while True:
         chosen = standing.chosen
         both = (run(alone, chosen), run(chosen, chosen))
-        fitted = both[0].fitted
         before, after = (_errors(each.by_recording(), fitted) for each in both)
         floor = _errors(both[1].floors(), fitted)
-        if not (standing.detected and worse(before.hold_out, after.hold_out, floor.hold_out)):
+        if chosen is alone or not worse(before.hold_out, after.hold_out, floor.hold_out):
             break
         # The next best by fitted recordings; those held out only refuse.
         others = standing.entries[1:]
         (suspect, *_) = standing.suspects(where, [0.0] * len(standing.entries), estimates)
         refused.append(Refused(suspect.label, before.hold_out, after.hold_out))
-        standing = Ranking.of(alone, [each.fit for each in others])
-    foreseen = _errors(expected(chosen, both[1]), fitted)
+        standing = Ranking.of(alone, [each.fit for each in others], refuted)
+    foreseen, left_open = _errors(expected(chosen, both[1]), fitted), opened(chosen, fitted)
     verdict = judged(
         standing.nothing,
         [each.value for each in standing.entries],
-        _misfit(before, foreseen),
-        _misfit(after, foreseen),
+        _misfit(before, foreseen, opened(alone, fitted).hold_out),
+        _misfit(after, foreseen, left_open.hold_out),
     )
-    listed = verdict.detected and standing.detected
+    listed = verdict.detected and chosen is not alone
     what = tuple(standing.suspects(where, verdict.named, estimates)) if listed else ()
     if not listed:
-        after, both = before, (both[0], both[0])
+        after, both, left_open = before, (both[0], both[0]), opened(alone, fitted)
     return Diagnosis(
         verdict=verdict,
         what=what,
@@ -302,7 +344,7 @@ def concluded(
         after=after,
         noise_floor=floor,
         noise_floor_95=Errors(math.nan, math.nan),
-        parameter_spread=Errors(math.nan, math.nan),
+        parameter_spread=left_open,
         refused=tuple(refused),
         indistinguishable=alike(what) if what else (),
         observables=observables(both[0]) if verdict.detected else (),
@@ -313,7 +355,7 @@ def concluded(
         restoring=None,
         warnings=(
             *warnings(chosen),
-            *_warnings(after, foreseen, verdict.something_else, bool(what)),
+            *_warnings(after, foreseen, left_open, verdict.something_else, bool(what)),
         ),
         complete=trials.complete,
         seconds=trials.seconds,
@@ -326,6 +368,7 @@ def _refitted(fit: AnyFit, parameters: Sequence[Parameter], name: str) -> tuple[
     free = [at for at, each in zip(problem.given, parameters, strict=True) if not each.fixed]
     columns = [*free, *problem.places] if fit.effect is not None else free
     std = np.full(len(fit.theta), math.nan)
+    columns = np.setdiff1d(columns, fit.idle)
     std[columns] = linearised(fit.linear[1][:, columns], fit.cost, fit.correlation())
     found: dict[str, list[Estimate]] = {}
     for i, each in zip(problem.given, parameters, strict=True):
@@ -336,12 +379,17 @@ def _refitted(fit: AnyFit, parameters: Sequence[Parameter], name: str) -> tuple[
     return tuple(Refitted(joint, tuple(rows)) for joint, rows in found.items())
 
 
-def _misfit(errors: Errors, foreseen: Errors) -> Misfit:
+def _misfit(errors: Errors, foreseen: Errors, spread: float) -> Misfit:
     """Over what is no surprise."""
     return Misfit(
         errors.fit / foreseen.fit,
-        errors.hold_out / foreseen.hold_out / settings().judgement.uncertain,
+        errors.hold_out / _at_most(foreseen, spread) / settings().judgement.uncertain,
     )
+
+
+def _at_most(foreseen: Errors, spread: float) -> float:
+    """Deviation of held-out recordings, with what fitted ones leave open of the parameters."""
+    return math.hypot(foreseen.hold_out, 0.0 if math.isnan(spread) else spread)
 
 
 def _errors(by_recording: Mapping[str, float], fitted: int) -> Errors:
@@ -352,7 +400,9 @@ def _errors(by_recording: Mapping[str, float], fitted: int) -> Errors:
     return Errors(*(math.sqrt(float(x.mean())) if x.size else math.nan for x in parts))
 
 
-def _warnings(after: Errors, foreseen: Errors, unknown: float, detected: bool) -> list[str]:
+def _warnings(
+    after: Errors, foreseen: Errors, spread: Errors, unknown: float, detected: bool
+) -> list[str]:
     """What to think of the errors that are left."""
     told = []
     if math.isnan(after.hold_out):
@@ -364,7 +414,7 @@ def _warnings(after: Errors, foreseen: Errors, unknown: float, detected: bool) -
             f"The fitted recordings are {ratio:.2g} times their deviations off, {rest} "
             f"(probability {unknown:.2f} that something else is missing)"
         )
-    ratio = after.hold_out / foreseen.hold_out
+    ratio = after.hold_out / _at_most(foreseen, spread.hold_out)
     if ratio > settings().judgement.uncertain:
         told.append(
             f"The held-out recordings are off by {ratio:.2g} times their deviations: either "

@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 from bolted_mode import TRUTH, decays, measured
@@ -257,3 +258,44 @@ def test_a_joint_left_out_of_a_linear_mode_is_found():
     assert found.before.hold_out > 0.5
     slider = next(each for each in found.what if each.kind.name == "coulomb_friction")
     assert slider.log_evidence < -100.0
+
+
+def test_a_joint_left_out_with_a_hardening_neighbour_is_found():
+    """Frequency falls, then turns upward: neither alone does both."""
+    q = np.geomspace(1e-6, 3e-4, 24)
+    joint = ij.Iwan4(F_S=5.0, K_T=2.0e4, chi=-0.3, beta=0.5)
+    (cubic,) = CATALOGUE["cubic_stiffness"]
+    assert isinstance(cubic, ForceKind)
+    further = beside(cubic, 1.0, np.asarray(about(q)), 2.0 * np.pi * 80.0)
+    further = jax.tree.map(lambda x: 1.5e11 * x, further)
+    mode = ij.ModalOscillator(80.0, 1e-3, joint)
+    f, zeta = map(np.asarray, mode.ringdown_frequency_and_damping(q, further))
+    lowest = int(np.argmin(f))
+    assert 0 < lowest < len(q) - 4
+    assert f[0] - f[lowest] > 0.15
+    rng, std = np.random.default_rng(0), (3e-3, 1e-2 * zeta)
+    noisy = f + std[0] * rng.standard_normal(q.size), zeta + std[1] * rng.standard_normal(q.size)
+    curves = [
+        ij.ModalCurves(
+            q[part],
+            noisy[0][part],
+            noisy[1][part],
+            frequency_std=np.full(q.size, std[0])[part],
+            damping_std=std[1][part],
+            quantity="displacement",
+            unit="m",
+            name=name,
+        )
+        for name, part in (("fitted", slice(0, 21)), ("harder", slice(21, 24)))
+    ]
+    tried = ("cubic_stiffness", "iwan_joint")
+    found = diagnose_curves("linear_spring", curves[:1], curves[1:], hypotheses=tried)
+    assert found.verdict.name == "something_missing"
+    assert {each.label for each in found.found} == {"iwan_joint@mode", "cubic_stiffness@mode"}
+    (hardening,) = next(each for each in found.found if each.kind is cubic).parameters
+    assert abs(hardening.value - 1.5e11) < 3.0 * hardening.std
+    assert found.after.hold_out < 3.0 * np.hypot(
+        found.noise_floor.hold_out, found.parameter_spread.hold_out
+    )
+    assert "joint" in found.statement()
+    assert "cubic spring" in found.statement()
