@@ -73,8 +73,9 @@ def alike_in_microslip(
     reach : float
         Largest deflection in the curves.
     stiffest : float, optional
-        Largest K_T, where a mode has other stiffness that a larger one may be taken from: in
-        :class:`~iwanjax.ModalOscillator` only the sum shows. K_T itself by default.
+        Largest K_T, where a mode has other stiffness beside the joint: in
+        :class:`~iwanjax.ModalOscillator` only their sum shows, so that K_T is as large as the
+        sliders need and no Dirac slider is made up. By default K_T stays.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def alike_in_microslip(
     if not 0.0 < R < np.inf:
         return []
     # By logarithms: near chi = -1 it is beyond all numbers.
-    most = K_T if stiffest is None else max(K_T, stiffest)
+    most = K_T if stiffest is None else stiffest
     last = min(math.log(n * most / R) / n, math.log(_FARTHEST * reach))
     first, last = _BEYOND * reach, _SHORT * math.exp(last)
     if last <= first:
@@ -96,7 +97,8 @@ def alike_in_microslip(
     found = []
     for phi_max in np.geomspace(first, last, _PLACES):
         yielding = R * phi_max**n / n
-        S = max(K_T, yielding / _SHORT**n) - yielding
+        whole = K_T if stiffest is None else yielding / _SHORT**n
+        S = whole - yielding
         joint = physical_of("microslip", R, S, chi, phi_max)
         found.append({name: float(value) for name, value in joint.items()})
     return found
