@@ -21,6 +21,7 @@ from iwanjax.discrepancy.steady.cycle import (
     unit_on,
 )
 from iwanjax.discrepancy.steady.fit import (
+    AbstractEffectValues,
     AbstractSteadyProblem,
     JointValues,
     PlacedEffect,
@@ -75,7 +76,7 @@ class ModeProblem(AbstractCurvesProblem):
     names: tuple[str, ...] = eqx.field(static=True)
     reference: Reference = eqx.field(static=True)
     base: ModalProblem
-    beside: Size | JointValues
+    beside: AbstractEffectValues
     acting: AbstractActing
 
     def improved(self, theta: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
@@ -305,7 +306,7 @@ def _with_force(base: ModalProblem, unit: Beside, scale: float, positive: bool) 
 
 
 def _problem(
-    base: ModalProblem, names: tuple[str, ...], values: Size | JointValues, acting: AbstractActing
+    base: ModalProblem, names: tuple[str, ...], values: AbstractEffectValues, acting: AbstractActing
 ) -> ModeProblem:
     return ModeProblem(
         measured=base.measured,

@@ -262,7 +262,7 @@ def _drops(alone: ModesFit, scores: Sequence[ModesFit]) -> tuple[Score, ...]:
     """What each force would explain of what the joints alone leave, the most first."""
     drops = []
     for score in scores:
-        kind, _, where = _effect(score)
+        kind, _, where, _ = _effect(score)
         drops.append(Score(kind.name, where, max(0.0, 1.0 - score.cost / alone.cost)))
     return tuple(sorted(drops, key=lambda score: -score.drop))
 

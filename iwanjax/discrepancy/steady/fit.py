@@ -75,7 +75,21 @@ class PlacedEffect(NamedTuple):
         return (*together, self.where)
 
 
-class Size(eqx.Module):
+class AbstractEffectValues(eqx.Module):
+    """Variables of what an effect is made of."""
+
+    count: ClassVar[int]
+
+    @abc.abstractmethod
+    def to_values(self, z: Float[Array, " values"]) -> Float[Array, " values"]:
+        """The values."""
+
+    @abc.abstractmethod
+    def to_variables(self, values: Float[Array, " values"]) -> Float[Array, " values"]:
+        """The inverse of :meth:`to_values`."""
+
+
+class Size(AbstractEffectValues):
     """Variable of a force's size: over a scale, by its logarithm if it is positive."""
 
     scale: Array
@@ -93,7 +107,7 @@ class Size(eqx.Module):
         return jnp.where(self.positive > 0, logarithm, share)
 
 
-class JointValues(eqx.Module):
+class JointValues(AbstractEffectValues):
     """Variables of a joint left out: those of a fit that has it after so many values of others."""
 
     own: AbstractLeastSquares | Chart
@@ -120,12 +134,12 @@ class AbstractSteadyProblem(AbstractLeastSquares):
     ----------
     base : AbstractLeastSquares or Chart
         The model's parameters.
-    beside : Size or JointValues
+    beside : AbstractEffectValues
         The effect's values.
     """
 
     base: eqx.AbstractVar[Any]
-    beside: eqx.AbstractVar[Size | JointValues]
+    beside: eqx.AbstractVar[AbstractEffectValues]
 
     @property
     @abc.abstractmethod

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,6 +19,7 @@ from iwanjax.discrepancy.steady.cycle import (
 )
 from iwanjax.discrepancy.steady.fit import (
     JOINT_VALUES,
+    AbstractEffectValues,
     JointValues,
     PlacedEffect,
     Size,
@@ -33,7 +33,7 @@ from iwanjax.quasistatic.modal import Beside, ModalOscillator, about
 from iwanjax.settings.stages import settings
 
 
-class JointAndSize(eqx.Module):
+class JointAndSize(AbstractEffectValues):
     """Variables of a joint left out, then of a force's size."""
 
     joint: JointValues

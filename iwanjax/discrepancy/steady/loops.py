@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.discrepancy.steady.fit import (
+    AbstractEffectValues,
     AbstractSteadyProblem,
     JointValues,
     PlacedEffect,
@@ -112,7 +113,7 @@ class LoopProblem(AbstractSteadyProblem):
     chart: Chart
     names: tuple[str, ...] = eqx.field(static=True)
     base: Chart
-    beside: Size | JointValues
+    beside: AbstractEffectValues
     joint: AbstractJoint
     loops: LoopHistories
     unit: Float[Array, "loops N"]

@@ -17,7 +17,6 @@ from iwanjax.discrepancy.steady.curves import AbstractCurvesProblem, as_measured
 from iwanjax.discrepancy.steady.cycle import CyclicForce, beside
 from iwanjax.discrepancy.steady.fit import (
     JOINT_VALUES,
-    JointValues,
     PlacedEffect,
     Size,
     SteadyFit,
@@ -62,7 +61,7 @@ class ModesProblem(AbstractCurvesProblem):
     names: tuple[str, ...] = eqx.field(static=True)
     reference: Reference = eqx.field(static=True)
     base: StructuralProblem
-    beside: Size | JointValues
+    beside: AbstractEffectValues
     row: Float[Array, " modes"]
     level: Float[Array, "curves deflections"]
     unit: Beside

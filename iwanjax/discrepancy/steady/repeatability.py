@@ -65,24 +65,17 @@ def disagreements(run: CurveRun, deviations: Sequence[ModalCurves]) -> dict[int,
         return {}
     covered = np.concatenate([np.asarray(each.amplitude) for each in run.measured[first]])
     # What the fitted levels themselves are known to, which the model cannot be better than.
-    own = np.array(
-        [
-            np.median(np.concatenate([np.asarray(x) for x in each]))
-            for each in (
-                [seen.frequency_std for seen in run.measured[first]],
-                [seen.damping_std / seen.damping for seen in run.measured[first]],
-            )
-        ]
-    )
+    shares = [_stds(seen) / _units(seen) for seen in run.measured[first]]
+    own = np.median(np.concatenate(shares, axis=1), axis=1)
     found = {}
     for i in range(run.fitted, len(run.measured)):
         seen, model, std = run.measured[i], run.predicted[i], deviations[i]
-        x, zeta = np.asarray(seen.amplitude), np.asarray(seen.damping)
+        x = np.asarray(seen.amplitude)
         inside = (x >= covered.min()) & (x <= covered.max())
         if not inside.any():
             continue
-        off = np.stack([seen.frequency - model.frequency, (zeta - model.damping) / zeta])[:, inside]
-        by = np.stack([std.frequency_std, np.asarray(std.damping_std) / zeta])[:, inside]
+        off = ((_values(seen) - _values(model)) / _units(seen))[:, inside]
+        by = (_stds(std) / _units(seen))[:, inside]
         mean = off.mean(axis=1)
         # An offset is common to all levels: it does not average out, and its deviation neither.
         sure = np.hypot(np.sqrt(np.mean(by**2, axis=1)), own)
@@ -96,21 +89,34 @@ def disagreements(run: CurveRun, deviations: Sequence[ModalCurves]) -> dict[int,
 
 def offset_by(curves: ModalCurves, known: Disagreement) -> ModalCurves:
     """A curve whose deviations hold what it differs from the others by."""
-    f, zeta = known.frequency, known.damping * np.asarray(curves.damping)
-    return _deviating(curves, np.hypot(curves.frequency_std, f), np.hypot(curves.damping_std, zeta))
+    offset = np.array([[known.frequency], [known.damping]]) * _units(curves)
+    return _deviating(curves, np.hypot(_stds(curves), offset))
 
 
 def deviating_by_both(one: ModalCurves, other: ModalCurves) -> ModalCurves:
     """A curve with the deviations of both."""
-    return _deviating(
-        one,
-        np.hypot(one.frequency_std, other.frequency_std),
-        np.hypot(one.damping_std, other.damping_std),
-    )
+    return _deviating(one, np.hypot(_stds(one), _stds(other)))
 
 
-def _deviating(curves: ModalCurves, f: np.ndarray, zeta: np.ndarray) -> ModalCurves:
-    return eqx.tree_at(lambda c: (c.frequency_std, c.damping_std), curves, (f, zeta))
+def _values(curves: ModalCurves) -> np.ndarray:
+    """Frequency and damping, (2, levels)."""
+    return np.stack([np.asarray(curves.frequency), np.asarray(curves.damping)])
+
+
+def _units(curves: ModalCurves) -> np.ndarray:
+    """What they are compared in: Hz, and shares of the damping."""
+    return np.stack([np.ones(curves.damping.shape), np.asarray(curves.damping)])
+
+
+def _stds(curves: ModalCurves) -> np.ndarray:
+    """Their deviations."""
+    assert curves.frequency_std is not None
+    assert curves.damping_std is not None
+    return np.stack([np.asarray(curves.frequency_std), np.asarray(curves.damping_std)])
+
+
+def _deviating(curves: ModalCurves, both: np.ndarray) -> ModalCurves:
+    return eqx.tree_at(lambda c: (c.frequency_std, c.damping_std), curves, tuple(both))
 
 
 def _side(off: float) -> str:
