@@ -17,6 +17,7 @@ from iwanjax.discrepancy.steady.curves import AbstractCurvesProblem, as_measured
 from iwanjax.discrepancy.steady.cycle import CyclicForce, beside
 from iwanjax.discrepancy.steady.fit import (
     JOINT_VALUES,
+    AbstractEffectValues,
     PlacedEffect,
     Size,
     SteadyFit,
