@@ -64,13 +64,12 @@ def covariance(
 ) -> np.ndarray:
     r"""Of what was free in a fit, (free, free), by the residual's own size.
 
-    .. math:: C = (J^T J / s + P)^{-1} + \frac{R-1}{R} \sum_r \delta_r \delta_r^T,
+    .. math:: C = (J^T J / s + P)^{-1} + \sum_r \delta_r \delta_r^T,
 
     with the prior's precision P. Residuals that are correlated over some samples count as so many
     fewer. What exceeds the noise is the model's own error: it goes a few ways only (:func:`scale`),
     less those that the fit has taken up, and it pulls recordings of different amplitude different
-    ways: :math:`\delta_r` is what the values change by when recording r of R is left out (the
-    jackknife, linearised). Where nothing exceeds the noise, and without ``own_error``, there
+    ways (:func:`_disagreement`). Where nothing exceeds the noise, and without ``own_error``, there
     is no such term. NaN where the model broke down.
     """
     if not np.all(np.isfinite(fitted.normal)):
@@ -81,15 +80,45 @@ def covariance(
     taken = len(free_values(problem, fitted.hypothesis))
     unit = max(white, 1.0 + own_error * error / max(1, _ways(problem) - taken))
     found = np.linalg.pinv((fitted.normal - prior) / unit + prior)
-    R = len(fitted.parts)
     # Where a joint drifts each recording has values of its own, which go with it.
-    if not own_error or error <= 0.0 or R < 2 or fitted.hypothesis.drifting is not None:
+    drifts = fitted.hypothesis.drifting is not None
+    if not own_error or error <= 0.0 or len(fitted.parts) < 2 or drifts:
         return found
-    weighed = fitted.parts.sum(axis=0) + white * prior
-    left_out = zip(fitted.parts, fitted.scores, strict=True)
-    change = np.stack([np.linalg.pinv(weighed - part) @ score for part, score in left_out])
-    change -= change.mean(axis=0)
-    return found + (R - 1) / R * change.T @ change
+    return found + _disagreement(fitted.parts, fitted.scores, white * prior)
+
+
+def _disagreement(parts: np.ndarray, scores: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    r"""Covariance of values that some recordings pull one way and others another.
+
+    .. math:: \delta_r = H^{-1/2} (I - A_r)^{-1/2} H^{-1/2} s_r, \quad
+              A_r = H^{-1/2} H_r H^{-1/2}, \quad H = P + \sum_r H_r
+
+    with each recording's part :math:`H_r` of the second derivatives and :math:`s_r` of the
+    gradient: the sandwich by clusters, without bias where they differ by chance (Bell and
+    McCaffrey, Survey Methodology 28, 2002, "CR2"). Of R recordings that weigh the same it is the
+    jackknife. Where one alone tells of a value, the jackknife says how little the others do; this
+    says how far they disagree.
+    """
+    total = parts.sum(axis=0)
+    # What all pull alike is the prior's doing, or that of a search that has not quite ended.
+    scores = scores - parts @ (np.linalg.pinv(total) @ scores.sum(axis=0))
+    root = _inverse_root(total + prior)
+    eye = np.eye(len(total))
+    change = np.stack(
+        [
+            root @ _inverse_root(eye - root @ part @ root) @ root @ score
+            for part, score in zip(parts, scores, strict=True)
+        ]
+    )
+    return change.T @ change
+
+
+def _inverse_root(A: np.ndarray) -> np.ndarray:
+    """Of a symmetric matrix, in the directions that it has."""
+    values, vectors = np.linalg.eigh(A)
+    there = values > len(A) * np.finfo(float).eps * max(values[-1], 1.0)
+    inverse = np.where(there, 1.0 / np.sqrt(np.where(there, values, 1.0)), 0.0)
+    return vectors * inverse @ vectors.T
 
 
 def left_by_noise(problem: HistoryProblem) -> float:

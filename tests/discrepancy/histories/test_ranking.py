@@ -112,6 +112,26 @@ def test_recordings_that_pull_different_ways_widen_the_deviations():
     assert covariance(SEARCH, SimpleNamespace(**good))[0, 0] < 1.0
 
 
+def test_a_recording_that_alone_tells_of_a_value_is_not_held_against_it():
+    """A loud one and a faint one, which disagree by as much as chance lets the faint one."""
+    loud, faint = 50.0 - 1e-4, 1e-4
+    parts, score = np.stack([np.diag([loud, 1.0]), np.diag([faint, 1.0])]), np.sqrt(faint)
+    scores = np.array([[-score, 0.0], [score, 0.0]])
+    agreed = covariance(SEARCH, misfitting())
+    known = covariance(SEARCH, misfitting(parts=parts, scores=scores))
+    # As uncertain as white noise of deviation 1 leaves it; by the faint one alone it were 100.
+    assert known[0, 0] - agreed[0, 0] == pytest.approx(1.0 / 50.0, rel=1e-3)
+
+
+def test_what_all_recordings_pull_alike_is_no_disagreement():
+    """The prior holds a value back from where both of them want it."""
+    parts, scores = np.stack([np.diag([25.0, 1.0])] * 2), np.array([[75.0, 0.0], [75.0, 0.0]])
+    precision = np.array([50.0, 1.0])
+    agreed = covariance(SEARCH, misfitting(precision=precision))
+    known = covariance(SEARCH, misfitting(precision=precision, parts=parts, scores=scores))
+    np.testing.assert_allclose(known, agreed)
+
+
 @pytest.mark.parametrize(("cost", "found"), [(0.90, True), (0.96, False)])
 def test_nothing_is_missing_where_the_models_own_errors_may_be_it(cost, found):
     """6 per cent of the residual are indulged; 10 % of 4000 samples are worth 200."""
