@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from iwanjax.config.section import ConfigSection, Index, OneOrMore, Positive
+from iwanjax.config.section import ConfigSection, Index, Offset, OneOrMore, Positive
 from iwanjax.curves import ModalCurves
 from iwanjax.signals import ForceLoop, Recording
 from iwanjax.types import Initial
@@ -40,6 +40,9 @@ class ResponseSettings(ConfigSection):
         What they measure; None leaves it to the channels' own names.
     unit : str
         Label, never converted.
+    offset : "mean" or tuple of float
+        What each channel shows where nothing moves, which is taken off it: a number, or its mean
+        over the part that is used.
     """
 
     array: str | None = None
@@ -48,6 +51,7 @@ class ResponseSettings(ConfigSection):
     sensors: _Names = ()
     quantity: Quantity | None = None
     unit: str = ""
+    offset: Offset = ()
 
 
 class ForceSettings(ConfigSection):
@@ -59,10 +63,13 @@ class ForceSettings(ConfigSection):
         The array of the file that holds them.
     inputs : tuple of str
         Where each acts, in the order of its columns: labels of the model where it has any.
+    offset : "mean" or tuple of float
+        What each shows where nothing acts, as of a response.
     """
 
     array: str | None = None
     inputs: _Names = ()
+    offset: Offset = ()
 
 
 class RecordingSection(ConfigSection):

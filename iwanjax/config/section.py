@@ -1,7 +1,7 @@
 """What the sections of a study file are made of."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -52,6 +52,15 @@ def _band(raw: Any) -> tuple[float, float]:
     return low, high
 
 
+def _offset(raw: Any) -> Literal["mean"] | tuple[float, ...]:
+    """``mean``, or one number for each channel; a single one may stand alone."""
+    if raw == "mean":
+        return "mean"
+    if isinstance(raw, str):
+        raw = [raw]
+    return _NUMBERS.validate_python(raw if isinstance(raw, list) else [raw])
+
+
 _NUMBERS = TypeAdapter(tuple[float, ...], config=CONFIG)
 
 OneOrMore = BeforeValidator(lambda raw: [raw] if isinstance(raw, str | int | float) else raw)
@@ -61,3 +70,5 @@ Count = Annotated[int, Field(ge=1)]
 Index = Annotated[int, Field(ge=0)]
 Pair = Annotated[tuple[float, float], PlainValidator(_pair)]
 Band = Annotated[tuple[float, float], PlainValidator(_band)]
+Offset = Annotated[Literal["mean"] | tuple[float, ...], PlainValidator(_offset)]
+"""What channels show where nothing moves or acts."""

@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -38,14 +39,15 @@ def blamed(place: str) -> Iterator[None]:
 
 
 def recordings_of(entry: RecordingEntry) -> list[tuple[str, Recording]]:
-    """All time histories of an entry by name, each from its beginning to its end.
+    """All time histories of an entry by name, each from its beginning to its end, less its offsets.
 
     Faults name the entry's place in the study.
     """
     if isinstance(entry.data, Recording):
         return [(entry.name, entry.data)]
     with blamed(entry.place):
-        found = _read(entry)
+        read = _read(entry)
+    found = [(i, _without_offsets(entry, recording)) for i, recording in read]
     if len(found) == 1:
         return [(entry.name, found[0][1])]
     return [(f"{entry.name}[{i}]", recording) for i, recording in found]
@@ -86,6 +88,35 @@ def part_of(entry: RecordingEntry, recording: Recording) -> Recording:
             response=recording.response[kept],
             force=None if recording.force is None else recording.force[kept],
         )
+
+
+def _without_offsets(entry: RecordingEntry, recording: Recording) -> Recording:
+    """A recording whose channels show nothing where nothing moves or acts."""
+    of_response = entry.response.offset
+    of_force = entry.force.offset if entry.force else ()
+    if not of_response and not of_force:
+        return recording
+    part = part_of(entry, recording)
+    response = recording.response - _shown_at_rest(entry, "response", of_response, part.response)
+    force = recording.force
+    if force is not None and part.force is not None:
+        force = force - _shown_at_rest(entry, "force", of_force, part.force)
+    return replace(recording, response=response, force=force)
+
+
+def _shown_at_rest(
+    entry: RecordingEntry, key: str, given: Literal["mean"] | tuple[float, ...], part: np.ndarray
+) -> np.ndarray:
+    """Offsets of the channels, (channels,)."""
+    if given == "mean":
+        return part.mean(axis=0)
+    count = part.shape[1]
+    if given and len(given) != count:
+        raise InputError(
+            f"{entry.place}: {key}: offset: got {len(given)} number(s) for {count} channel(s); "
+            "expected one each, or mean"
+        )
+    return np.array(given or [0.0] * count)
 
 
 def read_modal_curves(entry: RecordingEntry, name: str = "") -> ModalCurves:
