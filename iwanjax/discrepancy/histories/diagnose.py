@@ -22,7 +22,7 @@ from iwanjax.discrepancy.histories.refitted import (
 )
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
-from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined
+from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined, zeros_off
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.effects.catalogue import kinds_of, sensor_faults_of
 from iwanjax.effects.kinds import ForceKind
@@ -240,7 +240,7 @@ def diagnose_histories(
     rigid = int(np.sum(np.asarray(problem.predictor.omega2) == 0.0))
     modes = [f"mode {i - rigid + 1}" for i in range(problem.predictor.kept)]
     warnings += beyond_trust(shown.problem, shown.fitted, modes)
-    warnings += _left(after[0], bool(what), verdict.something_else)
+    warnings += _left(after[0], bool(what), verdict.something_else, tuple(sensors))
     warnings += _unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what) if what else ()
     if what:
@@ -314,20 +314,22 @@ def _polished(
     return now, table
 
 
-def _left(fitted: FreeRun, detected: bool, unknown: float) -> list[str]:
+def _left(fitted: FreeRun, detected: bool, unknown: float, sensors: Sequence[str]) -> list[str]:
     """What to think of a residual that stays well above the noise."""
     ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
     if ratio < settings().judgement.unexplained:
         return []
     off = f"The fitted recordings are still {ratio:.2g} times the noise off"
     if not detected:
-        return [f"{off}, but nothing that was tried explains it (probability {unknown:.2f})"]
-    if unknown > settings().judgement.likely:
-        return [
-            f"{off}, so something else is missing as well, or what is missing is only like this "
+        thought = f", but nothing that was tried explains it (probability {unknown:.2f})"
+    elif unknown > settings().judgement.likely:
+        thought = (
+            ", so something else is missing as well, or what is missing is only like this "
             f"(probability {unknown:.2f})"
-        ]
-    return [f"{off}: the rest of the model is not exact, or something small is missing as well"]
+        )
+    else:
+        thought = ": the rest of the model is not exact, or something small is missing as well"
+    return [off + thought, *zeros_off(fitted, sensors)]
 
 
 def _unforeseen(held_out: FreeRun) -> list[str]:

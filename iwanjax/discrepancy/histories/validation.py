@@ -237,6 +237,33 @@ def _expected(problem: HistoryProblem, fitted: HypothesisFit, places: Sequence[i
     return rows
 
 
+def zeros_off(run: FreeRun, sensors: Sequence[str]) -> list[str]:
+    """Sensors of which a constant is more than half of what is left, in words.
+
+    Parameters
+    ----------
+    run : FreeRun
+        Of the best model.
+    sensors : sequence of str
+        Names of its columns.
+    """
+    # A run that has left the numbers shows no constant.
+    with np.errstate(over="ignore", invalid="ignore"):
+        samples = np.maximum(np.sum(run.measured != 0.0, axis=1), 1)
+        mean, square = (np.sum(run.error**power, axis=1) / samples for power in (1, 2))
+        most = np.isfinite(square) & (mean**2 > 0.5 * square)
+    told = []
+    for sensor, constants, shown in zip(sensors, mean.T, most.T, strict=True):
+        pairs = zip(run.names, constants, strict=True)
+        where = [f"{name} {own:+.2g}" for (name, own), on in zip(pairs, shown, strict=True) if on]
+        if where:
+            told.append(
+                f"{sensor} is off by a constant, more than half of what is left there "
+                f"({', '.join(where)}): if that is its zero, say response: {{offset: mean}}"
+            )
+    return told
+
+
 Runs = tuple[FreeRun, FreeRun | None]
 
 

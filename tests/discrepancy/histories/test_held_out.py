@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.histories.validation import FreeRun, joined
+from iwanjax.discrepancy.histories.validation import FreeRun, joined, zeros_off
 from iwanjax.identification.multistart import laid_out
 from iwanjax.identification.parameter_map import ParameterMap
 from iwanjax.identification.problem import elapsed, rates
@@ -58,6 +58,21 @@ def test_a_prediction_that_has_left_the_numbers_is_infinitely_far_off(broken):
     found = good._replace(error=error)
     assert found.relative == np.inf
     assert found.by_recording() == {"rec0": 0.0, "rec1": np.inf}
+
+
+def test_a_constant_that_is_most_of_what_is_left_is_told():
+    """Of one sensor in one recording; those filled up or broken down show none."""
+    found = run([1.0, 1.0, 1.0], [0.0] * 3)
+    error = 0.1 * RNG.standard_normal(found.error.shape)
+    error[1, :, 1] += 0.2
+    error[2, 4] = np.inf
+    measured = found.measured.copy()
+    # A shorter recording, filled up: its constant counts over its own samples.
+    error[1, 30:], measured[1, 30:] = 0.0, 0.0
+    (said,) = zeros_off(found._replace(error=error, measured=measured), ("a", "b"))
+    assert said.startswith("b is off by a constant")
+    assert f"(rec1 {error[1, :30, 1].mean():+.2g})" in said
+    assert "response: {offset: mean}" in said
 
 
 @pytest.fixture
