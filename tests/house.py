@@ -42,7 +42,7 @@ MODULES = {
     "quasistatic": 9,
     "report": 3,
     "structures": 40,
-    "studies": 10,
+    "studies": 11,
     "updating": 17,
     "verbs": 9,
 }
