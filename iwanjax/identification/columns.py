@@ -17,7 +17,7 @@ from iwanjax.identification import hypotheses
 from iwanjax.identification.conditioning import at_ends
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.kernels import Small, responses, unit_forces
-from iwanjax.identification.linearise import innovations
+from iwanjax.identification.linearise import innovations, within_memory
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.observer import stepped
 from iwanjax.identification.places import Place
@@ -78,7 +78,7 @@ def columns(
     """
     fixed, at = _about(problem, base)
     shown = jax.device_put(_shown(problem, base))
-    threads, at_once = problem.at_once(available_threads(), _AT_ONCE)
+    threads, at_once = within_memory(problem, available_threads(), _AT_ONCE)
 
     def run(first: int) -> np.ndarray:
         own = effects[first : first + at_once]

@@ -20,6 +20,17 @@ from iwanjax.threads import available_threads
 _Found = TypeVar("_Found")
 
 
+def within_memory(problem: HistoryProblem, threads: int, each: int) -> tuple[int, int]:
+    """Threads at most, and directions in each, along which kernels fit into the memory.
+
+    A derivative along one takes about twice what the pushes do: their change, and that of what
+    the places feel of them.
+    """
+    room = max(1, problem.settings.memory.kernels // (2 * problem.data.push.nbytes))
+    threads = min(threads, room)
+    return threads, min(each, room // threads)
+
+
 def linearise(
     problem: HistoryProblem,
     points: Sequence[tuple[Hypothesis, np.ndarray]],
@@ -40,7 +51,7 @@ def linearise(
     # Derivatives come in as many parts as there are threads, so that none waits for a hypothesis
     # on its own; more parts than derivatives would be empty.
     threads = min(available_threads(), values)
-    threads, size = problem.at_once(threads, math.ceil(values / threads))
+    threads, size = within_memory(problem, threads, math.ceil(values / threads))
     count = math.ceil(values / size)
     # All parts are of one size, for one kernel.
     ways = np.eye(count * size, values)
@@ -92,7 +103,7 @@ def _by_faulty_forces(
         return np.asarray(e)
 
     slots = points[0][0].suspects.row.shape[0]
-    threads, _ = problem.at_once(available_threads(), 1)
+    threads, _ = within_memory(problem, available_threads(), 1)
     found = _each(problem, ("residuals", slots), 2 * len(which), run, threads) if which else []
     changes = (a - b for a, b in zip(found[::2], found[1::2], strict=True))
     return list(zip(which, (x / (2.0 * DIFFERENCE) for x in changes), strict=True))
@@ -128,7 +139,7 @@ def _residuals(
         return without_added(problem, *points[i], gains[i], e, e[:, None][:, :0])[0], left
 
     slots = points[0][0].suspects.row.shape[0]
-    threads, _ = problem.at_once(available_threads(), 1)
+    threads, _ = within_memory(problem, available_threads(), 1)
     return _each(problem, ("residuals", slots), len(points), run, threads)
 
 

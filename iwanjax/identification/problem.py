@@ -183,16 +183,6 @@ class HistoryProblem:
         """Number of recordings."""
         return self.data.response.shape[0]
 
-    def at_once(self, threads: int, each: int) -> tuple[int, int]:
-        """Threads at most, and directions in each, along which kernels fit into the memory.
-
-        A derivative along one takes about twice what the pushes do: their change, and that of what
-        the places feel of them.
-        """
-        room = max(1, self.settings.memory.kernels // (2 * self.data.push.nbytes))
-        threads = min(threads, room)
-        return threads, min(each, room // threads)
-
     def with_steps_of(self, other: "HistoryProblem") -> "HistoryProblem":
         """These joints on the steps between samples of another search for the same data."""
         predictor = eqx.tree_at(

@@ -8,6 +8,8 @@ doubling each of them does.
 
 from dataclasses import dataclass
 
+from iwanjax.settings.memory import MEMORY, MemorySettings
+
 
 @dataclass(frozen=True)
 class ConditioningSettings:
@@ -368,25 +370,6 @@ class IllustrationSettings:
 
 
 @dataclass(frozen=True)
-class MemorySettings:
-    """What may be held at once of all that grows with the number of samples.
-
-    Both together, and what a problem itself takes, stay below 4 GB.
-
-    Attributes
-    ----------
-    derivatives : int, bytes
-        Of all searches side by side; where they are more, none keeps its own, but works them out
-        again after every step.
-    kernels : int, bytes
-        That kernels side by side, and forces of size 1 that are to be judged, may take.
-    """
-
-    derivatives: int = 2**29
-    kernels: int = 2**30
-
-
-@dataclass(frozen=True)
 class HistorySettings:
     """All stages of a diagnosis by time histories."""
 
@@ -398,7 +381,7 @@ class HistorySettings:
     slow_effects: SlowEffectSettings = SlowEffectSettings()
     steps: StepSettings = StepSettings()
     illustration: IllustrationSettings = IllustrationSettings()
-    memory: MemorySettings = MemorySettings()
+    memory: MemorySettings = MEMORY
 
 
 HISTORIES = HistorySettings()

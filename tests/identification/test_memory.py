@@ -10,10 +10,10 @@ from struck_mass import searching, struck
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT
 from iwanjax.discrepancy.histories.score_test import score_test
 from iwanjax.identification.columns import by_memory
-from iwanjax.identification.linearise import linearise
+from iwanjax.identification.linearise import linearise, within_memory
 from iwanjax.identification.multistart import multistart
 from iwanjax.identification.problem import Start
-from iwanjax.settings.histories import MemorySettings
+from iwanjax.settings.memory import MemorySettings
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +26,8 @@ def problems():
 
 def test_one_direction_at_a_time_and_no_derivatives_kept(problems):
     enough, little, _ = problems
-    assert little.at_once(4, 8) == (1, 1)
-    assert enough.at_once(4, 8) == (4, 8)
+    assert within_memory(little, 4, 8) == (1, 1)
+    assert within_memory(enough, 4, 8) == (4, 8)
     points = [(enough.nothing(), enough.still(enough.map.given()))] * 2
     for one, other in zip(
         linearise(enough, points, TIME_CONSTANT),

@@ -78,17 +78,9 @@ class StudyData:
         fitted = max(len(recordings[i].response) for i in order)
 
         def taken(those: Sequence[int]) -> ConditionedRecordings:
-            length = max([fitted, *(len(recordings[i].response) for i in those)])
-            return conditioned(
-                [recordings[i] for i in those],
-                made,
-                modal,
-                known,
-                length,
-                count,
-                directions,
-                settings,
-            )
+            own = [recordings[i] for i in those]
+            length = max([fitted, *(len(each.response) for each in own)])
+            return conditioned(own, made, modal, known, length, count, directions, settings)
 
         held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
         return cls(taken(order), order, tuple((taken(those), those) for those in held))
@@ -302,16 +294,6 @@ def changed(
         )
         changes[time_constant] = float(np.max(np.sqrt(np.mean(off**2, axis=(1, 2)))))
     return Change.most(changes, same)
-
-
-def _usual(sides: StudyData) -> np.ndarray:
-    """Deviation of each sensor's noise in the recordings to fit, else in those held out."""
-    own = [sides.fitted.noise, *(each.noise for each, _ in sides.held)]
-    found = [
-        next(part for x in own if (part := x[~np.isnan(x[:, i]), i]).size)
-        for i in range(own[0].shape[1])
-    ]
-    return np.array([np.median(each) for each in found])
 
 
 def of_own_motion(
