@@ -21,8 +21,9 @@ from iwanjax.identification.linearise import innovations, within_memory
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.observer import stepped
 from iwanjax.identification.places import Place
-from iwanjax.identification.predictor import Data, Predictor, Suspects
+from iwanjax.identification.predictor import Data, Predictor
 from iwanjax.identification.problem import DIFFERENCE, HistoryProblem, Start
+from iwanjax.identification.suspects import Suspects
 from iwanjax.signals.comparison_band import passed
 from iwanjax.threads import available_threads
 

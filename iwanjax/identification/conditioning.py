@@ -21,7 +21,7 @@ from iwanjax.identification.recordings import (
     cleaned,
     noise_of,
 )
-from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
+from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
 from iwanjax.signals.comparison_band import HALF, OF_NOISE
 
 

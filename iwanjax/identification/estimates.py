@@ -10,10 +10,11 @@ from iwanjax.effects.estimate import Estimate
 from iwanjax.effects.faults import AbstractAddedFault
 from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.identification.added import moved, size_of_added, span
+from iwanjax.identification.free_values import free_values, rates
 from iwanjax.identification.joint_priors import joints_of, of_logarithm
 from iwanjax.identification.likelihood import covariance
 from iwanjax.identification.multistart import HypothesisFit
-from iwanjax.identification.problem import DIFFERENCE, HistoryProblem, free_values, rates
+from iwanjax.identification.problem import DIFFERENCE, HistoryProblem
 from iwanjax.settings.stages import settings
 
 

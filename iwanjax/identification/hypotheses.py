@@ -19,8 +19,8 @@ from iwanjax.effects.faults import (
 from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.identification.joint_priors import Joint, located
 from iwanjax.identification.places import Place
-from iwanjax.identification.predictor import Suspects
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
+from iwanjax.identification.suspects import Suspects
 from iwanjax.joints import Iwan4, Iwan5
 
 

@@ -12,7 +12,7 @@ from iwanjax.identification.recordings import (
     cleaned,
     in_quiet,
 )
-from iwanjax.settings.histories import CONDITIONING
+from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals.noise import period_of
 from iwanjax.types import Initial
 

@@ -15,7 +15,8 @@ from jaxtyping import Array, Float
 
 from iwanjax.dynamics.balance import Joints
 from iwanjax.dynamics.parabolic_hold import on
-from iwanjax.identification.predictor import Data, Predictor, Suspects, Values, sizes_of
+from iwanjax.identification.predictor import Data, Predictor
+from iwanjax.identification.suspects import Suspects, Values, sizes_of
 from iwanjax.joints import AbstractJoint, PlaceMotion, Reaction
 from iwanjax.structures.small import solve_general
 

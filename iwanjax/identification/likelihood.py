@@ -9,8 +9,9 @@ from iwanjax.correlation import correlation_time
 from iwanjax.effects.faults import AbstractAddedFault
 from iwanjax.effects.kinds import JointKind
 from iwanjax.estimation.evidence import log_evidence
+from iwanjax.identification.free_values import free_values, values_measured
 from iwanjax.identification.multistart import HypothesisFit
-from iwanjax.identification.problem import HistoryProblem, free_values, values_measured
+from iwanjax.identification.problem import HistoryProblem
 from iwanjax.signals.comparison_band import OF_NOISE
 
 # No model is trusted to explain its residual better than this share of the noise's variance.

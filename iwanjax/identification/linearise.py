@@ -13,8 +13,9 @@ from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.identification import kernels
 from iwanjax.identification.added import without_added
 from iwanjax.identification.joint_priors import Joint
-from iwanjax.identification.predictor import Predictor, Suspects
+from iwanjax.identification.predictor import Predictor
 from iwanjax.identification.problem import DIFFERENCE, HistoryProblem, Hypothesis
+from iwanjax.identification.suspects import Suspects
 from iwanjax.threads import available_threads
 
 _Found = TypeVar("_Found")

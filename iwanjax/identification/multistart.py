@@ -11,16 +11,14 @@ from iwanjax.estimation.levenberg_marquardt import Layout, SearchStart
 from iwanjax.estimation.linearisation import Linearisation
 from iwanjax.estimation.problem import GroupedSquares, LeastSquaresSolution
 from iwanjax.estimation.settings import SEARCH
-from iwanjax.identification.linearise import linearise, residuals_at
-from iwanjax.identification.problem import (
-    HistoryProblem,
-    Hypothesis,
-    Start,
+from iwanjax.identification.free_values import (
     drifting_values,
     elapsed,
     free_values,
     values_measured,
 )
+from iwanjax.identification.linearise import linearise, residuals_at
+from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 
 SHORT_TIME_CONSTANT = 2.0
 """The observer's shortest memory, cycles: residuals are nearly linear in the parameters."""

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iwanjax.identification.predictor import Predictor
-from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
+from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
 
 # Exponents of ten between which the size of the process noise is looked for, and bisections.
 _SIZES, _ROUNDS = (-14.0, 14.0), 40

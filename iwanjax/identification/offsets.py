@@ -9,7 +9,7 @@ from jaxtyping import Float
 from iwanjax.identification.initial_state import force_begins, initial_state, rests_for
 from iwanjax.identification.predictor import Quantity
 from iwanjax.identification.recordings import StudyRecording, before_force, cleaned
-from iwanjax.settings.histories import CONDITIONING
+from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.structures.model_file import BASE
 
 _CHANCE = 1.0 / 16000.0

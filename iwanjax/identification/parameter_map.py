@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.identification.predictor import Values
+from iwanjax.identification.suspects import Values
 
 _OF_SLOT = 2
 

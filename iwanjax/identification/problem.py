@@ -16,7 +16,8 @@ from iwanjax.identification.conditioning import MeasuredForces
 from iwanjax.identification.joint_priors import Joint, parameters_of, tangents
 from iwanjax.identification.observer import observer_gain, process_noise, stepped
 from iwanjax.identification.parameter_map import ParameterMap
-from iwanjax.identification.predictor import Data, Predictor, Suspects
+from iwanjax.identification.predictor import Data, Predictor
+from iwanjax.identification.suspects import Suspects
 from iwanjax.settings.histories import HISTORIES, HistorySettings
 
 DIFFERENCE = 1e-4
@@ -25,8 +26,6 @@ DIFFERENCE = 1e-4
 _BATCH = 64
 # Largest logarithm whose exponential is a number.
 _LARGEST = 700.0
-# What drifts in a joint.
-_DRIFTING = ("F_S", "K_T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,41 +357,3 @@ def _neighbours(
             rows.append(beside)
             owners.append((member, value))
     return np.array(rows).reshape(-1, theta.shape[1]), owners
-
-
-def values_measured(problem: HistoryProblem) -> int:
-    """Number of samples that a residual is taken of."""
-    return int(np.count_nonzero(np.asarray(problem.data.weight)))
-
-
-def free_values(problem: HistoryProblem, hypothesis: Hypothesis) -> list[int]:
-    """Places in theta of what is fitted and the same in all recordings."""
-    at, found = problem.map, list(range(problem.parameters))
-    for slot, (size, shape) in enumerate(zip(hypothesis.sizes, hypothesis.shapes, strict=True)):
-        found += [at.size(slot)] * size + [at.shape(slot)] * shape
-    return found
-
-
-def elapsed(problem: HistoryProblem, places: Sequence[int]) -> np.ndarray:
-    """How far a drift has come at places in the study: 0 in the first recording, 1 in the last."""
-    first, last = problem.order[0], problem.order[-1]
-    return (np.asarray(places, float) - first) / max(last - first, 1)
-
-
-def rates(problem: HistoryProblem, hypothesis: Hypothesis) -> list[int]:
-    """Places, in what is fitted, of how far the values that drift go in all."""
-    if hypothesis.drifting is None:
-        return []
-    first = len(free_values(problem, hypothesis)) + problem.recordings * problem.directions
-    # Each is followed by how far the later recordings are off the line.
-    return [
-        first + i * problem.recordings
-        for i in range(len(drifting_values(problem, hypothesis.drifting)))
-    ]
-
-
-def drifting_values(problem: HistoryProblem, joint: int) -> list[int]:
-    """Places in theta of what drifts in a joint."""
-    first = problem.predictor.errors + parameters_of(problem.joints[:joint])
-    names = [info.name for info in problem.joints[joint].given.parameters]
-    return [first + names.index(name) for name in _DRIFTING if name in names]

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from iwanjax.settings.histories import CONDITIONING, ConditioningSettings
+from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
 from iwanjax.signals.noise import (
     CHANCE,
     NoiseLevel,

@@ -16,7 +16,7 @@ from iwanjax.identification.recordings import (
     in_quiet,
     noise_of,
 )
-from iwanjax.settings.histories import CONDITIONING
+from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals.clipping import clipped_samples
 from iwanjax.signals.comparison_band import END
 

@@ -10,12 +10,13 @@ import numpy as np
 from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose_histories
-from iwanjax.discrepancy.steady.cycle import InteractingMode
-from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
+from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
+from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.errors import InputError
 from iwanjax.identification.resampling import at_one_rate
-from iwanjax.settings.histories import CONDITIONING
+from iwanjax.identification.steady.cycle import InteractingMode
+from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals import ForceLoop, Recording
 from iwanjax.structures import LinearTrust
 from iwanjax.studies.fits import of_one_quantity

@@ -8,7 +8,8 @@ from typing import Any, TypeAlias, TypeVar, overload
 from iwanjax.config import Measurement
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy import Diagnosis
-from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves, diagnose_loops
+from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
+from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.signals import ForceLoop, Recording

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.steady.fit import PlacedEffect
 from iwanjax.discrepancy.steady.verdict import Ranking
 from iwanjax.effects.catalogue import CATALOGUE
 from iwanjax.identification import estimates
 from iwanjax.identification.estimates import determined
 from iwanjax.identification.parameter_map import ParameterMap
+from iwanjax.identification.steady.fit import PlacedEffect
 
 SEARCH = SimpleNamespace(parameters=0, map=ParameterMap(0), recordings=1, directions=0, order=(0,))
 

@@ -7,8 +7,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import iwanjax as ij
-from iwanjax.discrepancy.steady.cycle import beside
 from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.identification.steady.cycle import beside
 from iwanjax.quasistatic import ModalOscillator
 from iwanjax.quasistatic.modal import about
 from iwanjax.quasistatic.single_harmonic import OfJoint, backbones

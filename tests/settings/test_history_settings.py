@@ -19,7 +19,8 @@ from iwanjax.identification.recordings import (
     noise_of,
 )
 from iwanjax.joints import Iwan4
-from iwanjax.settings.histories import CONDITIONING, HISTORIES
+from iwanjax.settings.conditioning import CONDITIONING
+from iwanjax.settings.histories import HISTORIES
 
 RESPONSE = np.random.default_rng(1).standard_normal((N, 1))
 

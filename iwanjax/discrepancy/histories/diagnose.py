@@ -22,7 +22,14 @@ from iwanjax.discrepancy.histories.refitted import (
 )
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
-from iwanjax.discrepancy.histories.validation import FreeRun, Runs, compared, joined, zeros_off
+from iwanjax.discrepancy.histories.validation import (
+    FreeRun,
+    Runs,
+    compared,
+    joined,
+    left_over,
+    unforeseen,
+)
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.effects.catalogue import kinds_of, sensor_faults_of
 from iwanjax.effects.kinds import ForceKind
@@ -240,8 +247,8 @@ def diagnose_histories(
     rigid = int(np.sum(np.asarray(problem.predictor.omega2) == 0.0))
     modes = [f"mode {i - rigid + 1}" for i in range(problem.predictor.kept)]
     warnings += beyond_trust(shown.problem, shown.fitted, modes)
-    warnings += _left(after[0], bool(what), verdict.something_else, tuple(sensors))
-    warnings += _unforeseen(after[1]) if after[1] else []
+    warnings += left_over(after[0], bool(what), verdict.something_else, tuple(sensors))
+    warnings += unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what) if what else ()
     if what:
         indistinguishable += containing(table.best, table.entries)
@@ -312,37 +319,6 @@ def _polished(
             scope.progress("polishing again, with finer steps")
             return finer, selection.concluded(table, finer.problem, scope)
     return now, table
-
-
-def _left(fitted: FreeRun, detected: bool, unknown: float, sensors: Sequence[str]) -> list[str]:
-    """What to think of a residual that stays well above the noise."""
-    ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
-    if ratio < settings().judgement.unexplained:
-        return []
-    off = f"The fitted recordings are still {ratio:.2g} times the noise off"
-    if not detected:
-        thought = f", but nothing that was tried explains it (probability {unknown:.2f})"
-    elif unknown > settings().judgement.likely:
-        thought = (
-            ", so something else is missing as well, or what is missing is only like this "
-            f"(probability {unknown:.2f})"
-        )
-    else:
-        thought = ": the rest of the model is not exact, or something small is missing as well"
-    return [off + thought, *zeros_off(fitted, sensors)]
-
-
-def _unforeseen(held_out: FreeRun) -> list[str]:
-    """What to think of held-out recordings that are off by more than anything accounts for."""
-    known = settings().judgement
-    ratio = held_out.relative / math.hypot(held_out.floor_95, known.uncertain * held_out.spread)
-    if ratio < known.unforeseen:
-        return []
-    return [
-        f"The held-out recordings are off by {ratio:.2g} times what noise and uncertain parameters "
-        "account for: either something acts only there, or the joints were fitted to the wrong "
-        "end; hold out others and compare"
-    ]
 
 
 def _check(recordings: Sequence[StudyRecording], inputs: int, sensors: int) -> None:

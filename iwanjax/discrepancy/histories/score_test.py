@@ -19,15 +19,11 @@ from iwanjax.identification.columns import (
     sensor_faults,
     unit_effects,
 )
+from iwanjax.identification.free_values import drifting_values, free_values
 from iwanjax.identification.linearise import innovations, linearise, residuals_at
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.places import Place
-from iwanjax.identification.problem import (
-    HistoryProblem,
-    Start,
-    drifting_values,
-    free_values,
-)
+from iwanjax.identification.problem import HistoryProblem, Start
 
 # Share of a column's square below which the joints explain all of it.
 _EXPLAINED = 1e-12

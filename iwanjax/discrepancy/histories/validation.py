@@ -12,17 +12,13 @@ from iwanjax.discrepancy.histories.ranking import RankedFit, doubted, missing, r
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.judgement import worse
 from iwanjax.identification.conditioning import ConditionedRecordings
+from iwanjax.identification.free_values import drifting_values, elapsed, free_values, rates
 from iwanjax.identification.likelihood import covariance
 from iwanjax.identification.linearise import linearise, residuals_at
 from iwanjax.identification.macroslip import Alternative
 from iwanjax.identification.multistart import HypothesisFit, with_states_of_decays
-from iwanjax.identification.problem import (
-    HistoryProblem,
-    drifting_values,
-    elapsed,
-    free_values,
-    rates,
-)
+from iwanjax.identification.problem import HistoryProblem
+from iwanjax.settings.stages import settings
 from iwanjax.signals.comparison_band import CORRELATION, OF_NOISE, over_pairs
 from iwanjax.signals.noise import exceeded
 
@@ -328,3 +324,34 @@ def _without_the_best(table: ModelSelection) -> ModelSelection:
         entries = [*doubted(base.problem, same), *entries[len(same) :]]
     detected = bool(same) and missing(base, entries[0])
     return ModelSelection(detected, base, tuple(entries), table.scores)
+
+
+def left_over(fitted: FreeRun, detected: bool, unknown: float, sensors: Sequence[str]) -> list[str]:
+    """What to think of a residual that stays well above the noise."""
+    ratio = fitted.relative / fitted.floor if fitted.floor < 1.0 else math.inf
+    if ratio < settings().judgement.unexplained:
+        return []
+    off = f"The fitted recordings are still {ratio:.2g} times the noise off"
+    if not detected:
+        thought = f", but nothing that was tried explains it (probability {unknown:.2f})"
+    elif unknown > settings().judgement.likely:
+        thought = (
+            ", so something else is missing as well, or what is missing is only like this "
+            f"(probability {unknown:.2f})"
+        )
+    else:
+        thought = ": the rest of the model is not exact, or something small is missing as well"
+    return [off + thought, *zeros_off(fitted, sensors)]
+
+
+def unforeseen(held_out: FreeRun) -> list[str]:
+    """What to think of held-out recordings that are off by more than anything accounts for."""
+    known = settings().judgement
+    ratio = held_out.relative / math.hypot(held_out.floor_95, known.uncertain * held_out.spread)
+    if ratio < known.unforeseen:
+        return []
+    return [
+        f"The held-out recordings are off by {ratio:.2g} times what noise and uncertain parameters "
+        "account for: either something acts only there, or the joints were fitted to the wrong "
+        "end; hold out others and compare"
+    ]

@@ -10,7 +10,20 @@ import numpy as np
 
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.steady.curves import (
+from iwanjax.discrepancy.steady.repeatability import (
+    Disagreement,
+    deviating_by_both,
+    disagreements,
+    offset_by,
+)
+from iwanjax.discrepancy.steady.runs import CurveRun, clear_differences
+from iwanjax.discrepancy.steady.trials import Trials, forces_of, kinds_named
+from iwanjax.discrepancy.steady.verdict import concluded
+from iwanjax.effects.estimate import Estimate
+from iwanjax.errors import InputError
+from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
+from iwanjax.estimation.parameters import Parameter, drawn, replaced
+from iwanjax.identification.steady.curves import (
     ModeFit,
     fit_alone,
     fit_beside,
@@ -18,37 +31,15 @@ from iwanjax.discrepancy.steady.curves import (
     fit_with_joint,
     gives_energy,
 )
-from iwanjax.discrepancy.steady.cycle import InteractingMode
-from iwanjax.discrepancy.steady.extrapolation import spread, without_needless_macroslip
-from iwanjax.discrepancy.steady.joint_and_force import elastic_neighbours, fit_with_both
-from iwanjax.discrepancy.steady.loops import (
-    LoopFit,
-    driven,
-    loops_alone,
-    loops_beside,
-    loops_with_joint,
-    noise_of,
-)
-from iwanjax.discrepancy.steady.repeatability import (
-    Disagreement,
-    deviating_by_both,
-    disagreements,
-    offset_by,
-)
-from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, clear_differences
-from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
-from iwanjax.effects.estimate import Estimate
-from iwanjax.errors import InputError
-from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
-from iwanjax.estimation.parameters import Parameter, drawn, replaced
+from iwanjax.identification.steady.cycle import InteractingMode
+from iwanjax.identification.steady.extrapolation import spread, without_needless_macroslip
+from iwanjax.identification.steady.joint_and_force import elastic_neighbours, fit_with_both
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.joints.iwan import AbstractIwan
 from iwanjax.settings.stages import settings
-from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.types import require_double_precision
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.problem import modal_unit
-from iwanjax.updating.structural import joint_parameters
 
 
 def diagnose_curves(
@@ -224,127 +215,6 @@ def diagnose_curves(
     )
 
 
-def diagnose_loops(
-    joint: AbstractJoint,
-    recordings: ForceLoop | Sequence[ForceLoop],
-    hold_out: ForceLoop | Sequence[ForceLoop] = (),
-    parameters: Mapping[str, Parameter] | None = None,
-    *,
-    name: str = "joint",
-    hypotheses: tuple[str, ...] = (),
-    noise: float | None = None,
-    starts: int = 32,
-    seed: int = 0,
-    budget: float = math.inf,
-    progress: Callable[[str], None] = lambda line: None,
-) -> Diagnosis:
-    r"""Compare a joint with loops of force against deflection that were run through slowly.
-
-    First the joint alone is fitted along the measured deflections by Masing's rules
-    (:func:`iwanjax.hysteresis`), then every force of the catalogue beside it,
-
-    .. math:: F(t) = F_J[d](t) + s\, u[d](t) + F_0,
-
-    with an offset :math:`F_0` of each loop. Loops that begin undeflected begin at rest, or on
-    the outermost branch like the others, whichever the joint alone explains better. Then a whole
-    joint more is tried. Without
-    time nothing shows that depends on rate, which the verdict says.
-
-    Evidences are those of a diagnosis by time histories. Errors are root mean squares of predicted
-    less measured force over that of the measured one.
-
-    Parameters
-    ----------
-    joint : joint
-        What the model has, at its starting values.
-    recordings, hold_out : ForceLoop or sequence of them
-        Of this joint; only the first are fitted.
-    parameters : mapping of str to Parameter, optional
-        Replaces those of the joint, ``"joint.F_S"`` and so on, by name.
-    name : str
-        What the verdict calls the joint.
-    hypotheses : tuple of str
-        Kinds to try; all of the catalogue by default.
-    noise : float, optional
-        Standard deviation of the force; by the loops themselves where it is not known.
-    starts, seed : int
-        Of the searches.
-    budget : float
-        Time to spend, s.
-    progress : function
-        Receives a line at every stage.
-
-    Returns
-    -------
-    Diagnosis
-        Its ``runs`` are :class:`LoopRun`.
-
-    Raises
-    ------
-    InputError
-        Without loops, for a joint that depends on rate or does not fit at all, unknown
-        parameters or hypotheses.
-    PrecisionError
-        When JAX computes in float32.
-    """
-    require_double_precision("diagnose_loops")
-    trials = Trials[LoopFit](budget, progress, name)
-    forces = forces_of(hypotheses, variants=True)
-    several, others = (
-        (each,) if isinstance(each, ForceLoop) else tuple(each) for each in (recordings, hold_out)
-    )
-    if not several:
-        raise InputError("diagnose_loops: no loops to fit; expected at least one ForceLoop")
-    row = replaced(tuple(joint_parameters(name, joint).values()), parameters or {})
-    together = (*several, *others)
-    deviations = noise_of(together, noise)
-    random = np.random.default_rng(seed)
-    draws = drawn(row, random, starts)
-    trials.say("fitting the joint alone")
-    fits = {
-        at_rest: loops_alone(joint, row, driven(together, deviations, len(several), at_rest), draws)
-        for at_rest in {each.may_begin_at_rest for each in together} | {False}
-    }
-    more = kinds_named("iwan_joint", hypotheses)
-    costs = {at_rest: fit.cost for at_rest, fit in fits.items()}
-    at_rest = min(costs, key=costs.__getitem__)
-    same = 1.0 + settings().steady.negligible
-    if more and len(costs) > 1 and max(costs.values()) <= same * min(costs.values()):
-        # A joint without memory cannot tell where a loop begins; one that it lacks may.
-        with_it = {
-            each: loops_with_joint(fit, more[0], ()).cost
-            for each, fit in fits.items()
-            if trials.seconds < budget
-        }
-        at_rest = min(with_it, key=with_it.__getitem__, default=at_rest)
-    alone = fits[at_rest]
-    if not math.isfinite(alone.cost):
-        raise InputError(f"diagnose_loops: {name}: no start gave finite forces")
-    trials.fit_forces(forces, lambda force: loops_beside(alone, force, draws, random))
-    trials.fit(
-        more,
-        lambda _: "with a joint left out",
-        lambda more: loops_with_joint(alone, more, trials.sliders()),
-    )
-    whole = driven(together, deviations, len(several), at_rest, math.inf)
-
-    def run(fit: LoopFit, chosen: LoopFit) -> LoopRun:
-        predicted = []
-        for forces, loop in zip(fit.predicted(whole), together, strict=True):
-            force = forces[2 : loop.d.size + 2]
-            predicted.append(force + np.mean(loop.force - force))
-        return LoopRun(together, tuple(predicted), len(several), deviations)
-
-    return concluded(
-        trials,
-        alone,
-        name,
-        run,
-        row,
-        warnings=lambda _: _unseen_by_loops(name, trials.unseen),
-    )
-
-
 def _doubted(curves: ModalCurves, highest: float) -> ModalCurves:
     """Curves with what an oscillator may be off by in their deviations."""
     if curves.frequency_std is None or curves.damping_std is None:
@@ -416,10 +286,3 @@ def _unseen_by_curves(name: str, unseen: Sequence[str]) -> list[str]:
         f"Curves of one mode cannot show {', '.join(unseen)}: {name} has them "
         "in its f_0 and zeta_0, or they have no first harmonic"
     ]
-
-
-def _unseen_by_loops(name: str, unseen: Sequence[str]) -> list[str]:
-    """What loops say nothing of."""
-    if not unseen:
-        return []
-    return [f"Loops without time cannot show {', '.join(unseen)} at {name}, which depend on rate"]

@@ -8,8 +8,13 @@ import numpy as np
 from iwanjax.curves import ModalCurves
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.findings import Score
-from iwanjax.discrepancy.steady.fit import PlacedEffect
-from iwanjax.discrepancy.steady.modes import (
+from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun, clear_differences
+from iwanjax.discrepancy.steady.trials import Trials, forces_of, kinds_named
+from iwanjax.discrepancy.steady.verdict import concluded
+from iwanjax.errors import InputError
+from iwanjax.estimation.parameters import Parameter, drawn, fixed_at, replaced
+from iwanjax.identification.steady.fit import PlacedEffect
+from iwanjax.identification.steady.modes import (
     JointsAlone,
     ModesFit,
     modes_alone,
@@ -17,10 +22,6 @@ from iwanjax.discrepancy.steady.modes import (
     modes_with_joint,
     scored,
 )
-from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun, clear_differences
-from iwanjax.discrepancy.steady.verdict import Trials, concluded, forces_of, kinds_named
-from iwanjax.errors import InputError
-from iwanjax.estimation.parameters import Parameter, drawn, fixed_at, replaced
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array

@@ -1,8 +1,7 @@
-"""Effects tried in time, ranked by evidence, and the verdict on one model by curves or loops."""
+"""Effects ranked by evidence, and the verdict on one model by curves or loops."""
 
 import math
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -18,11 +17,9 @@ from iwanjax.discrepancy.findings import (
     alike,
 )
 from iwanjax.discrepancy.judgement import Misfit, judged, worse
-from iwanjax.discrepancy.steady.fit import AnyFit, Fit, PlacedEffect, best_of
 from iwanjax.discrepancy.steady.runs import CurveRun, LoopRun, ModesRun
-from iwanjax.effects.catalogue import kinds_of
+from iwanjax.discrepancy.steady.trials import Trials
 from iwanjax.effects.estimate import Estimate
-from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.estimation.evidence import (
     LEAST_GAIN,
     MODEL_ERROR_ALLOWANCE,
@@ -31,112 +28,11 @@ from iwanjax.estimation.evidence import (
     misspecification_probability,
 )
 from iwanjax.estimation.parameters import Parameter
+from iwanjax.identification.steady.fit import AnyFit, Fit, PlacedEffect, best_of
 from iwanjax.joints import ParameterInfo
-from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
 from iwanjax.settings.stages import settings
 
-T = TypeVar("T")
 Run = TypeVar("Run", CurveRun, ModesRun, LoopRun)
-
-
-def forces_of(hypotheses: tuple[str, ...], variants: bool) -> list[ForceKind]:
-    """Forces among hypotheses, with or without those that act on one side only.
-
-    Curves of a one-sided force are those of the two-sided one at half the size; loops differ.
-    """
-    forces = [kind for kind in _beside_k(hypotheses) if isinstance(kind, ForceKind)]
-    return [force for force in forces if variants or not force.variant]
-
-
-def kinds_named(name: str, hypotheses: tuple[str, ...]) -> list[Kind]:
-    """The kind of this name, if it is to be tried."""
-    return [kind for kind in _beside_k(hypotheses) if kind.name == name]
-
-
-def _beside_k(hypotheses: tuple[str, ...]) -> list[Kind]:
-    """Kinds of which K holds nothing: a joint on its own, or a mode, is fitted at every level."""
-    return [kind for kind in kinds_of(hypotheses) if not getattr(kind, "within", False)]
-
-
-class Trials(Generic[Fit]):
-    """Effects tried beside a model one after the other, as far as there is time.
-
-    Attributes
-    ----------
-    found : list of SteadyFit
-        Those that ended, in the order that they were tried in.
-    unseen : list of str
-        Kinds that the measurements cannot show.
-    complete : bool
-        Whether there was time for all.
-    """
-
-    def __init__(self, budget: float, progress: Callable[[str], None], name: str = ""):
-        self._started, self._budget, self._progress = time.perf_counter(), budget, progress
-        self._prefix = f"{name}: " if name else ""
-        self.found: list[Fit] = []
-        self.unseen: list[str] = []
-        self.complete = True
-
-    @property
-    def seconds(self) -> float:
-        """Since the first."""
-        return time.perf_counter() - self._started
-
-    def say(self, line: str) -> None:
-        """Tell what is under way."""
-        self._progress(self._prefix + line)
-
-    def in_time(self, items: Iterable[T], line: Callable[[T], str]) -> Iterator[T]:
-        """Items while there is time, each announced."""
-        for item in items:
-            if self.seconds >= self._budget:
-                self.complete = False
-                return
-            self.say(line(item))
-            yield item
-
-    def fit(
-        self, items: Iterable[T], line: Callable[[T], str], fitted: Callable[[T], Fit | None]
-    ) -> list[T]:
-        """Fit each item, and return those that the measurements cannot show."""
-        hidden = []
-        for item in self.in_time(items, line):
-            fit = fitted(item)
-            if fit is None:
-                hidden.append(item)
-            elif math.isfinite(fit.cost):
-                self.found.append(fit)
-        return hidden
-
-    def fit_forces(
-        self, forces: Iterable[ForceKind], fitted: Callable[[ForceKind], Fit | None]
-    ) -> None:
-        """Fit each force beside the only joint."""
-        hidden = self.fit(forces, lambda force: f"with {force.name}", fitted)
-        self.unseen += dict.fromkeys(force.name for force in hidden)
-
-    @property
-    def joined(self) -> Fit | None:
-        """The fit with a joint left out, if it was tried."""
-        those = [
-            fit
-            for fit in self.found
-            if fit.effect is not None and isinstance(fit.effect.kind, JointKind)
-        ]
-        return best_of(those) if those else None
-
-    def sliders(self, where: str = "") -> list[Fit]:
-        """Fits of a slider at a place, the best first: a limit of a joint left out."""
-        those = [
-            fit
-            for fit in self.found
-            if (effect := fit.effect) is not None
-            and effect.where == where
-            and isinstance(effect.kind, ForceKind)
-            and effect.kind.law is SLIDING_AT_ONCE.law
-        ]
-        return sorted(those, key=lambda each: each.cost)
 
 
 class Weighed(NamedTuple, Generic[Fit]):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.histories.validation import FreeRun, joined, zeros_off
+from iwanjax.identification.free_values import elapsed, rates
 from iwanjax.identification.multistart import laid_out
 from iwanjax.identification.parameter_map import ParameterMap
-from iwanjax.identification.problem import elapsed, rates
 from iwanjax.settings.histories import HISTORIES
 
 RNG = np.random.default_rng(3)

@@ -16,7 +16,7 @@ from iwanjax.identification.multistart import multistart
 from iwanjax.identification.predictor import predictor
 from iwanjax.identification.problem import HistoryProblem, Start
 from iwanjax.identification.recordings import SensorNoise, StudyRecording, cleaned, noise_of
-from iwanjax.settings.histories import CONDITIONING
+from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals.comparison_band import CORRELATION, END, HALF, OF_NOISE, in_band, over_pairs
 
 AT, PEAK, SHARE = 0.1, 60.0, 0.02

@@ -29,9 +29,9 @@ from iwanjax.identification.hypotheses import JointStart, force, with_joint, wit
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.linearise import linearise, residuals_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, moved, multistart
-from iwanjax.identification.predictor import Suspects
 from iwanjax.identification.problem import Hypothesis, Start
 from iwanjax.identification.recordings import StudyRecording, noise_of
+from iwanjax.identification.suspects import Suspects
 from iwanjax.settings.histories import HISTORIES
 from iwanjax.signals.comparison_band import HALF, OF_NOISE, in_band
 

@@ -9,11 +9,12 @@ import scipy.linalg
 from struck_mass import JOINT, RATE, N, resolution, struck
 
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
-from iwanjax.discrepancy.histories.time_steps import StepRefinement, changed, of_own_motion
+from iwanjax.discrepancy.histories.time_steps import StepRefinement
 from iwanjax.errors import InputError
 from iwanjax.identification.linearise import innovations, residuals_at
 from iwanjax.identification.multistart import multistart
 from iwanjax.identification.problem import HistoryProblem, Start
+from iwanjax.identification.step_errors import changed, of_own_motion
 
 MANY = 16
 # A joint that slips, and a mode that turns by 1.4 radians from sample to sample.

@@ -14,9 +14,9 @@ import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE, ForceKind
 from iwanjax.discrepancy.findings import Errors
-from iwanjax.discrepancy.steady.cycle import beside, shows
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
 from iwanjax.errors import InputError
+from iwanjax.identification.steady.cycle import beside, shows
 from iwanjax.plotting import plot_diagnosis, plot_explained
 from iwanjax.quasistatic.modal import about
 

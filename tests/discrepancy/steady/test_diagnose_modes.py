@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE, ForceKind
-from iwanjax.discrepancy.steady.cycle import beside
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.errors import InputError
+from iwanjax.identification.steady.cycle import beside
 from iwanjax.plotting import plot_diagnosis, plot_explained
 from iwanjax.quasistatic.modal import about
 

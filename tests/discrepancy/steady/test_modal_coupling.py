@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
-from iwanjax.discrepancy.steady.cycle import InteractingMode, moved_by_both
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
 from iwanjax.errors import InputError
+from iwanjax.identification.steady.cycle import InteractingMode, moved_by_both
 from iwanjax.signals import ringdown
 
 # Hits on both modes, the last held out, then such on one: strokes of the joint by each mode.

@@ -2,7 +2,7 @@
 
 import abc
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeAlias, TypeVar
@@ -367,62 +367,3 @@ def as_slider(fit: AnyFit) -> np.ndarray:
 def best_of(fits: Sequence[Fit]) -> Fit:
     """Of least cost."""
     return min(fits, key=lambda each: each.cost)
-
-
-def best_shape(
-    kind: ForceKind, begin: Sequence[float], at: Callable[[float], Fit | None]
-) -> Fit | None:
-    """The best of a force's fits with shapes on a grid, then nearer to the best.
-
-    Parameters
-    ----------
-    kind : ForceKind
-        The force; without a shape there is one fit.
-    begin : sequence of float
-        Shapes of the catalogue.
-    at : function
-        The fit with one shape; None where that does not show.
-    """
-    if kind.shape is None:
-        return at(begin[0])
-    known = settings().steady
-    first, last = min(begin) / known.beyond, max(begin) * known.beyond
-    grid = np.geomspace(first, last, known.shapes).tolist()
-    found = [each for each in map(at, grid) if each is not None]
-    for i in range(known.brackets if found else 0):
-        factor = (last / first) ** (0.5 ** (i + 1) / (known.shapes - 1))
-        found += _neighbours(best_of(found), factor, at)
-    return best_of(_lowest(found, at)) if found else None
-
-
-def best_shape_near(fit: Fit, at: Callable[[float], Fit | None]) -> Fit:
-    """The best of a fit and others with shapes near to its own."""
-    return best_of(_lowest([fit, *_neighbours(fit, settings().steady.near, at)], at))
-
-
-def _neighbours(fit: Fit, factor: float, at: Callable[[float], Fit | None]) -> list[Fit]:
-    assert fit.effect is not None
-    near = (at(fit.effect.shape * factor), at(fit.effect.shape / factor))
-    return [each for each in near if each is not None]
-
-
-def _lowest(found: list[Fit], at: Callable[[float], Fit | None]) -> list[Fit]:
-    """Fits, and those with the shapes that parabolas through them tell."""
-    for _ in range(settings().steady.parabolas):
-        shape = _vertex(found)
-        nearer = at(shape) if shape is not None else None
-        found = [*found, *([nearer] if nearer is not None else [])]
-    return found
-
-
-def _vertex(fits: Sequence[AnyFit]) -> float | None:
-    """Shape at which a parabola of the cost through the best and its neighbours is lowest."""
-    costs = {fit.effect.shape: fit.cost for fit in fits if fit.effect is not None}
-    shapes = sorted(costs)
-    i = min(range(len(shapes)), key=lambda k: costs[shapes[k]])
-    if not 0 < i < len(shapes) - 1:
-        return None
-    three = shapes[i - 1 : i + 2]
-    x = np.log(three) - math.log(shapes[i])
-    bend, slope, _ = np.polyfit(x, [costs[each] for each in three], 2)
-    return shapes[i] * math.exp(-0.5 * slope / bend) if bend > 0 else None

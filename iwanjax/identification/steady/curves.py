@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.steady.cycle import (
+from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.estimation.parameters import Chart, drawn
+from iwanjax.identification.steady.cycle import (
     AbstractActing,
     ActingForce,
     ActingJoint,
@@ -20,7 +22,7 @@ from iwanjax.discrepancy.steady.cycle import (
     shows,
     unit_on,
 )
-from iwanjax.discrepancy.steady.fit import (
+from iwanjax.identification.steady.fit import (
     AbstractEffectValues,
     AbstractSteadyProblem,
     JointValues,
@@ -29,13 +31,11 @@ from iwanjax.discrepancy.steady.fit import (
     SteadyFit,
     as_slider,
     best_of,
-    best_shape,
     joints_to_begin_with,
     searched,
     with_sizes,
 )
-from iwanjax.effects.kinds import ForceKind, Kind
-from iwanjax.estimation.parameters import Chart, drawn
+from iwanjax.identification.steady.shapes import best_shape
 from iwanjax.joints import Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS

@@ -9,25 +9,25 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.steady.curves import ModeFit, ModeProblem, largest_size, omega_of
-from iwanjax.discrepancy.steady.cycle import (
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.identification.steady.curves import ModeFit, ModeProblem, largest_size, omega_of
+from iwanjax.identification.steady.cycle import (
     AbstractActing,
     ActingForce,
     ActingJoint,
     shows,
     unit_on,
 )
-from iwanjax.discrepancy.steady.fit import (
+from iwanjax.identification.steady.fit import (
     JOINT_VALUES,
     AbstractEffectValues,
     JointValues,
     PlacedEffect,
     Size,
-    best_shape,
     searched,
     with_sizes,
 )
-from iwanjax.effects.kinds import ForceKind
+from iwanjax.identification.steady.shapes import best_shape
 from iwanjax.joints.force_law import Scales
 from iwanjax.quasistatic.modal import Beside, ModalOscillator, about
 from iwanjax.settings.stages import settings

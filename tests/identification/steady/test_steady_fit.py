@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
-from iwanjax.discrepancy.steady import modes
-from iwanjax.discrepancy.steady.curves import ModeProblem, fit_alone
-from iwanjax.discrepancy.steady.cycle import ActingForce, ActingJoint, unit_on
-from iwanjax.discrepancy.steady.fit import JointValues, PlacedEffect, Size, SteadyFit
 from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.identification.steady import modes
+from iwanjax.identification.steady.curves import ModeProblem, fit_alone
+from iwanjax.identification.steady.cycle import ActingForce, ActingJoint, unit_on
+from iwanjax.identification.steady.fit import JointValues, PlacedEffect, Size, SteadyFit
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.structural import structural_parameters, structural_problem

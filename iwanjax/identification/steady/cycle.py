@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.steady.fit import PlacedEffect
 from iwanjax.effects.kinds import ForceKind
+from iwanjax.identification.steady.fit import PlacedEffect
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion
 from iwanjax.quasistatic.modal import Beside, ModalOscillator, about

@@ -11,7 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.discrepancy.steady.fit import (
+from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.estimation.parameters import Chart, Parameter
+from iwanjax.identification.steady.fit import (
     AbstractEffectValues,
     AbstractSteadyProblem,
     JointValues,
@@ -19,13 +21,11 @@ from iwanjax.discrepancy.steady.fit import (
     Size,
     SteadyFit,
     as_slider,
-    best_shape,
     joints_to_begin_with,
     searched,
     with_sizes,
 )
-from iwanjax.effects.kinds import ForceKind, Kind
-from iwanjax.estimation.parameters import Chart, Parameter
+from iwanjax.identification.steady.shapes import best_shape
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion, Scales
 from iwanjax.joints.hysteresis import hysteresis

@@ -13,22 +13,21 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.steady.curves import AbstractCurvesProblem, as_measured
-from iwanjax.discrepancy.steady.cycle import CyclicForce, beside
-from iwanjax.discrepancy.steady.fit import (
+from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.errors import InputError
+from iwanjax.estimation.parameters import Chart, Parameter
+from iwanjax.identification.steady.curves import AbstractCurvesProblem, as_measured
+from iwanjax.identification.steady.cycle import CyclicForce, beside
+from iwanjax.identification.steady.fit import (
     JOINT_VALUES,
     AbstractEffectValues,
     PlacedEffect,
     Size,
     SteadyFit,
     as_slider,
-    best_shape,
-    best_shape_near,
     searched,
 )
-from iwanjax.effects.kinds import ForceKind, Kind
-from iwanjax.errors import InputError
-from iwanjax.estimation.parameters import Chart, Parameter
+from iwanjax.identification.steady.shapes import best_shape, best_shape_near
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.quasistatic.modal import Beside, about
@@ -52,7 +51,7 @@ class ModesProblem(AbstractCurvesProblem):
     ----------
     row : (modes,) array
         Deflection of the force's place per unit modal displacement.
-    level, unit : as of :class:`~iwanjax.discrepancy.steady.cycle.CyclicForce`
+    level, unit : as of :class:`~iwanjax.identification.steady.cycle.CyclicForce`
     added : tuple of int
         Where in theta the values of a joint left out are.
     """

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.curves import ModalCurves
-from iwanjax.discrepancy.steady.curves import ModeFit
-from iwanjax.discrepancy.steady.fit import SteadyFit
 from iwanjax.effects.kinds import JointKind
 from iwanjax.estimation.evidence import log_evidence
 from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.problem import residuals_and_slopes, residuals_and_slopes_in_variables
+from iwanjax.identification.steady.curves import ModeFit
+from iwanjax.identification.steady.fit import SteadyFit
 from iwanjax.joints.iwan import IWAN_PARAMETERS, phi_max_of
 from iwanjax.settings.stages import settings
 from iwanjax.updating.microslip import IwanPlace, alike_in_microslip
