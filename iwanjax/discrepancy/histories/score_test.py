@@ -90,8 +90,10 @@ def score_test(
     shared = free_values(problem, base.hypothesis)
     slopes = np.moveaxis(np.asarray(seen.slopes), 1, 0)
     slopes = slopes.reshape(*slopes.shape[:2], -1)
-    known = slopes[shared]
-    explained = _explained(problem, np.concatenate([known, slopes[base.values :]]), len(shared))
+    own = [*shared, *range(base.values, len(slopes))]
+    explained = _explained(problem, slopes[own], len(shared))
+    # A copy of all of them is in the columns.
+    del seen, slopes
     basis, _ = np.linalg.qr(explained)
     whole = np.concatenate([base.residual.ravel(), z, states.ravel()])
     left = whole - basis @ (basis.T @ whole)
@@ -128,7 +130,7 @@ def score_test(
         return []
     ready = _as_they_are(problem, base, others, kinds, sensors, inputs, z)
     if base.hypothesis.drifting is None:
-        ready += _drifts(problem, kinds, joints, known, explained, whole, total, z)
+        ready += _drifts(problem, kinds, joints, len(shared), explained, whole, total, z)
     for start, drop in ready:
         (kind,), (where,) = start.hypothesis.kinds, start.hypothesis.where
         propose(kind, where, drop, lambda start=start: start)
@@ -200,14 +202,15 @@ def _drifts(
     problem: HistoryProblem,
     kinds: Sequence[Kind],
     joints: Sequence[str],
-    known: np.ndarray,
+    shared: int,
     explained: np.ndarray,
     whole: np.ndarray,
     total: float,
     z: np.ndarray,
 ) -> list[tuple[Start, float]]:
     """Drops by the columns of a joint's strength in each recording on its own."""
-    _, R, size = known.shape
+    R, size = problem.recordings, problem.data.response[0].size
+    known = explained[: R * size, :shared].T.reshape(shared, R, size)
     found = []
     for kind in kinds:
         if not (isinstance(kind, JointKind) and kind.name == "joint_drift") or R < 2:
