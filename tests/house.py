@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
     "class names used twice": 0,
-    "tuned numbers": 791,
+    "tuned numbers": 840,
     "tuned numbers without a comment": 143,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
@@ -31,12 +31,12 @@ BOUNDS = {
 raise one only with a reason in the commit message."""
 
 MODULES = {
-    ".": 10,
+    ".": 11,
     "config": 19,
-    "discrepancy": 27,
+    "discrepancy": 25,
     "dynamics": 16,
     "estimation": 13,
-    "identification": 19,
+    "identification": 34,
     "files": 6,
     "plotting": 16,
     "quasistatic": 9,

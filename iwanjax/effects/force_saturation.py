@@ -61,3 +61,4 @@ SATURATION = ForceSaturation(
     "saturation of the force",
     "The force at {where} is cut at its peaks",
 )
+"""Peaks of a force that its channel cuts."""

@@ -90,3 +90,4 @@ DELAY = SensorDelay(
     "a delay",
     "Sensor {where} is late",
 )
+"""A filter's delay."""

@@ -32,3 +32,4 @@ DRIFT = SensorDrift(
     "a drift",
     "Sensor {where} drifts",
 )
+"""An offset that wanders."""

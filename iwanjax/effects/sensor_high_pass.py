@@ -52,3 +52,4 @@ HIGH_PASS = SensorHighPass(
     "a high-pass filter",
     "Sensor {where} has a high-pass filter",
 )
+"""AC coupling of first order."""

@@ -78,3 +78,4 @@ HUM = SensorHum(
     "mains hum",
     "Sensor {where} picks up mains hum",
 )
+"""Mains and its third harmonic."""

@@ -40,3 +40,4 @@ SATURATION = SensorSaturation(
     "saturation",
     "Sensor {where} saturates",
 )
+"""Peaks that an amplifier cuts."""

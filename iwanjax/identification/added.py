@@ -107,9 +107,10 @@ def size_of_added(
     square, slopes, known, samples = 0.0, [], [], 0
     for own, residual, weight in zip(made, e, np.asarray(problem.data.weight), strict=True):
         X, flat = columns[np.any(weight > 0, axis=1)], own.reshape(len(own), -1)
-        c = -np.linalg.lstsq(flat.T, residual.ravel(), rcond=None)[0][part]
+        inverse = np.linalg.pinv(flat @ flat.T)
+        c = -(inverse @ (flat @ residual.ravel()))[part]
         slopes.append(X.T @ (X @ c))
-        known.append(np.linalg.pinv(flat @ flat.T)[part, part])
+        known.append(inverse[part, part])
         square, samples = square + float(c @ slopes[-1]), samples + len(X)
     rms = math.sqrt(square / max(samples, 1))
     variance = sum(float(g @ C @ g) for g, C in zip(slopes, known, strict=True))
