@@ -46,6 +46,8 @@ class UnitEffect(NamedTuple):
         What it opposes the motion with at size 1.
     fault : (faults, sensors) array
         Sizes of the sensors' faults.
+    ground : (base,) array
+        1 where the force is the acceleration of the ground, which acts as a force and carries.
     """
 
     kind: ForceKind | AbstractFault
@@ -54,6 +56,7 @@ class UnitEffect(NamedTuple):
     row: np.ndarray
     force: np.ndarray
     fault: np.ndarray
+    ground: np.ndarray
 
 
 def columns(
@@ -84,9 +87,9 @@ def columns(
     def run(first: int) -> np.ndarray:
         own = effects[first : first + at_once]
         padded = [*own, *[own[-1]] * (at_once - len(own))]
-        arrays = zip(*((unit.row, unit.force, unit.fault) for unit in padded), strict=True)
-        row, force, fault = jax.device_put(tuple(map(np.stack, arrays)))
-        (found,) = responses(*fixed, Small(row, force, fault, shown), *at)
+        arrays = zip(*((x.row, x.force, x.fault, x.ground) for x in padded), strict=True)
+        row, force, fault, ground = jax.device_put(tuple(map(np.stack, arrays)))
+        (found,) = responses(*fixed, Small(row, force, fault, ground, shown), *at)
         return np.asarray(found)[: len(own)]
 
     if not effects:
@@ -124,6 +127,7 @@ def unit_effects(
     )
     rows = np.stack([place.row for place in places])
     blank = np.zeros((len(problem.predictor.faults), len(problem.noise)))
+    still = np.zeros(problem.predictor.ground.modes.shape[1])
     forces = map(np.asarray, unit_forces(*fixed, rows, padded, *at))
     return [
         UnitEffect(
@@ -133,6 +137,7 @@ def unit_effects(
             place.row,
             force[:, :, i, j],
             blank,
+            still,
         )
         for kind, grid, force in zip(problem.predictor.kinds, grids, forces, strict=True)
         for i, (place, shapes) in enumerate(zip(places, grid, strict=bool(grid)))
@@ -163,7 +168,8 @@ def sensor_faults(
     """Faults of size 1 of every sensor."""
     faults = problem.predictor.faults
     row = np.zeros(problem.predictor.joints.shape[1])
-    still = np.zeros((problem.recordings, problem.data.push.shape[1] * problem.predictor.substeps))
+    none = np.zeros((problem.recordings, problem.data.push.shape[1] * problem.predictor.substeps))
+    still = np.zeros(problem.predictor.ground.modes.shape[1])
 
     def begun(kind: AbstractSensorFault, i: int, label: str, size: float) -> Start:
         return hypotheses.sensor(problem, kind, i, label, z, min(size, kind.most))
@@ -176,7 +182,7 @@ def sensor_faults(
             fault = np.zeros((len(faults), len(sensors)))
             fault[faults.index(kind), i] = 1.0
             effects.append(
-                UnitEffect(kind, label, partial(begun, kind, i, label), row, still, fault)
+                UnitEffect(kind, label, partial(begun, kind, i, label), row, none, fault, still)
             )
     return effects
 
@@ -188,6 +194,7 @@ def force_faults(
     if problem.forces is None:
         return []
     measured, rows = problem.forces.clean, problem.forces.rows
+    ground = np.asarray(problem.predictor.ground.inputs)
     blank = np.zeros((len(problem.predictor.faults), len(problem.noise)))
 
     def begun(kind: AbstractForceFault, i: int, label: str, size: float) -> Start:
@@ -208,7 +215,8 @@ def force_faults(
             # One that never acts, or is not cut anywhere, shows no fault.
             if np.any(opposes):
                 own = partial(begun, kind, i, label)
-                effects.append(UnitEffect(kind, label, own, rows[:, i], opposes, blank))
+                at = rows[:, i], opposes, blank, ground[i]
+                effects.append(UnitEffect(kind, label, own, *at))
     return effects
 
 

@@ -141,6 +141,8 @@ class Small(NamedTuple):
         What it opposes the motion with at the end of each step.
     fault : (batch, faults, sensors) array
         Size of each sensor's faults.
+    ground : (batch, base) array
+        1 where the force is the acceleration of the ground.
     shown : (recordings, faults, N, sensors) array
         Change of what the sensors show by each fault of size 1.
     """
@@ -148,6 +150,7 @@ class Small(NamedTuple):
     row: Float[Array, "batch modes"]
     force: Float[Array, "batch recordings steps"]
     fault: Float[Array, "batch faults sensors"]
+    ground: Float[Array, "batch base"]
     shown: Float[Array, "recordings faults N sensors"]
 
 
@@ -212,14 +215,15 @@ def responses(
             moved = data._replace(push=push, response=response)
             return _weighted(predictor, joints, suspects, values, gain, moved)
 
-        def along(row: Array, force: Array, fault: Array) -> Array:
+        def along(row: Array, force: Array, fault: Array, ground: Array) -> Array:
             # A sensor that shows more is as one that has measured less.
-            moved = (-predictor.pushed(row, force), -jnp.sum(fault[:, None] * shown, axis=0))
+            pushed = predictor.pushed(row, force, ground)
+            moved = (-pushed, -jnp.sum(fault[:, None] * shown, axis=0))
             found = jax.jvp(residual, (data.push, data.response), moved)[1]
             # Beyond the end of a shorter recording nothing is compared, whatever happens there.
             return jnp.where(data.weight > 0, found, 0.0)
 
-        return jax.vmap(along)(small.row, force, small.fault)
+        return jax.vmap(along)(small.row, force, small.fault, small.ground)
 
     each = jax.vmap(one, in_axes=(0, 1, 0, 0), out_axes=1)
     return (each(theta, small.force, small.shown, data),)

@@ -149,9 +149,12 @@ class Predictor(eqx.Module):
         return Suspects(*jax.device_put((row, force, chain, logarithmic)))
 
     def pushed(
-        self, row: Float[Array, " modes"], force: Float[Array, " steps"]
+        self, row: Float[Array, " modes"], force: Float[Array, " steps"], ground: Array
     ) -> Float[Array, "N substeps states"]:
-        """What a force at a place, known at the end of each step, does as a push of the data."""
+        """What a force at a place, known at the end of each step, does as a push of the data.
+
+        ``ground``, (base,), is 1 where that is the acceleration of the ground.
+        """
         now, last, before = force, jnp.roll(force, 1).at[0].set(0.0), jnp.roll(force, 2)
         before = before.at[:2].set(0.0)
         through = (last, 0.5 * (now - before), 0.5 * (now + before) - last)
@@ -160,8 +163,8 @@ class Predictor(eqx.Module):
             sum(jnp.outer(c, on(b, kept)) for c, b in zip(through, each, strict=True))
             for each in (self.by.q_by, self.by.v_by)
         )
-        still = jnp.zeros((now.size, self.ground.modes.shape[1]))
-        made = jnp.concatenate([q, v, jnp.outer(now, kept), jnp.outer(now, left), still], axis=1)
+        at_end = (jnp.outer(now, each) for each in (kept, left, ground))
+        made = jnp.concatenate([q, v, *at_end], axis=1)
         return made.reshape(-1, self.substeps, made.shape[1])
 
     def parts(self, push: Array | np.ndarray) -> Pushed:

@@ -10,11 +10,13 @@ from numpy.testing import assert_allclose
 import iwanjax as ij
 from iwanjax.discrepancy import CATALOGUE
 from iwanjax.identification import hypotheses
+from iwanjax.identification.columns import columns, force_faults
 from iwanjax.identification.conditioning import conditioned, directions_of
-from iwanjax.identification.linearise import innovations
+from iwanjax.identification.linearise import innovations, residuals_at
+from iwanjax.identification.multistart import multistart
 from iwanjax.identification.places import followed
 from iwanjax.identification.predictor import predictor
-from iwanjax.identification.problem import HistoryProblem
+from iwanjax.identification.problem import HistoryProblem, Start
 from iwanjax.identification.recordings import StudyRecording, cleaned
 
 RATE, N = 512.0, 400
@@ -79,7 +81,7 @@ def problem(response, quantity="acceleration", first=0, **options):
     noise = np.full(3, 1e-3 * np.std(response))
     states = directions_of([recording], made)
     seen = conditioned([recording], made, modal, noise, N - first, 1, states)
-    return HistoryProblem(made, (), seen.data, noise, (0,)), modal
+    return HistoryProblem(made, (), seen.data, noise, (0,), forces=seen.forces), modal
 
 
 def off(found, start=None):
@@ -132,3 +134,20 @@ def test_nothing_is_cut_off_an_earthquake_that_dies_away():
     assert_allclose(found.clean[:, 0], waves)
     shock = 30.0 * np.exp(-0.5 * ((np.arange(4000) - 300) / 8.0) ** 2)
     assert not cleaned((shock + 0.01 * random.standard_normal(4000))[:, None]).endless
+
+
+def test_a_fault_of_the_ground_s_own_sensor_is_seen_by_what_the_ground_carries():
+    """Accelerometers follow the ground at once, so that most of its fault is in that."""
+    found, _ = problem(felt()[0])
+    base = multistart(found, [Start(found.nothing(), found.map.given())], math.inf, 0)[0]
+    kinds = tuple(CATALOGUE[name][0] for name in ("force_gain", "force_delay"))
+    effects = force_faults(found, kinds, ("m1", "base"), np.zeros(0))
+    assert [(each.kind.name, each.where) for each in effects] == [
+        (kind.name, "base") for kind in kinds
+    ]
+    (before,) = residuals_at(found, [(base.hypothesis, base.theta)], math.inf)
+    for unit, column in zip(effects, columns(found, base, effects), strict=True):
+        start = unit.sized(1e-3)
+        little = start.hypothesis, found.still(start.theta)
+        change = (residuals_at(found, [little], math.inf)[0] - before) / 1e-3
+        assert np.linalg.norm(change - column) < 0.05 * np.linalg.norm(change)
