@@ -52,6 +52,10 @@ class Data(NamedTuple):
     unsure: Float[Array, "recordings states directions"]
 
 
+class HeavyDampingError(InputError):
+    """A mode whose errors cannot be fitted: the map over a step would not be known as it moves."""
+
+
 class Predictor(eqx.Module):
     r"""A structure's response to measured forces, corrected by what was measured before.
 
@@ -80,6 +84,8 @@ class Predictor(eqx.Module):
     uncertain : (2, modes) array
         Prior deviations of the logarithms of the first natural frequencies and modal dampings:
         how far the linear model is trusted. No column where it is taken to be exact.
+    rows : tuple of int
+        Which of its two rows are fitted: not one that is zero.
     shape_error : array
         Share of a channel's root mean square that errors of the mode shapes may leave.
     faults : tuple of AbstractSensorFault
@@ -100,6 +106,7 @@ class Predictor(eqx.Module):
     uncertain: Float[Array, "2 modes"]
     shape_error: Array
     ground: Ground
+    rows: tuple[int, ...] = eqx.field(static=True)
     kinds: tuple[ForceKind, ...] = eqx.field(static=True)
     faults: tuple[AbstractSensorFault, ...] = eqx.field(static=True)
     quantity: Quantity = eqx.field(static=True)
@@ -113,7 +120,16 @@ class Predictor(eqx.Module):
     @property
     def errors(self) -> int:
         """Number of errors of the linear model that are fitted."""
-        return self.uncertain.size
+        return len(self.rows) * self.uncertain.shape[1]
+
+    def of_modes(self, z: Array | np.ndarray, xp: Any = np) -> Array:
+        """What the first of z are for each mode's frequency and damping, (2, modes).
+
+        Zero for what is not fitted.
+        """
+        own = iter(z[: self.errors].reshape(len(self.rows), -1) if self.rows else ())
+        none = xp.zeros(self.uncertain.shape[1])
+        return xp.stack([next(own) if row in self.rows else none for row in range(2)])
 
     def modes_at(self, z: Array | np.ndarray, xp: Any = np) -> tuple[Array, Array]:
         """Squared frequencies and damping with errors of so many deviations, the first of z.
@@ -125,7 +141,7 @@ class Predictor(eqx.Module):
         xp : module
             ``jax.numpy`` within a kernel.
         """
-        there = xp.exp(xp.asarray(self.uncertain) * z[: self.errors].reshape(2, -1))
+        there = xp.exp(xp.asarray(self.uncertain) * self.of_modes(z, xp))
         exact = xp.ones((2, self.kept - there.shape[1]))
         frequency, damping = xp.concatenate([there, exact], axis=1)
         omega2, C, root = xp.asarray(self.omega2), xp.asarray(self.C), xp.sqrt(damping)
@@ -329,10 +345,11 @@ def predictor(
     part = (slice(kept),) * C.ndim
     dt = 1.0 / (sampling_rate * substeps)
     if trust is not None and np.max(np.abs(C[part])) * dt > 0.5 * MOST:
-        raise InputError(
+        raise HeavyDampingError(
             "trust: a mode is damped too heavily for its error to be fitted "
             f"({np.max(np.abs(C[part])):.3g} 1/s); leave trust out, or the damper to a joint"
         )
+    uncertain = _uncertain(trust, omega2[:kept], sampling_rate)
     # Sliced by NumPy: every operation of JAX outside a kernel is compiled for itself.
     made = Predictor(
         jax.device_put(omega2[:kept]),
@@ -344,9 +361,10 @@ def predictor(
         jax.device_put(np.zeros(len(modal.stiffness))),
         jax.device_put(hold(omega2[:kept], C[part], dt)),
         jax.device_put(np.asarray(dt)),
-        jax.device_put(_uncertain(trust, omega2[:kept], sampling_rate)),
+        jax.device_put(uncertain),
         jax.device_put(np.asarray(0.0 if trust is None else trust.shapes)),
         ground_of(modal, base),
+        tuple(row for row in range(2) if np.any(uncertain[row]) or trust is None),
         kinds,
         faults,
         quantity,

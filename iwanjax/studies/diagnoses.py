@@ -211,7 +211,7 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
     given = np.array([study.noise.get(name, math.nan) for name in sensors])
     transients, rate, resampled = at_one_rate(transients, rates, given)
 
-    def by(trust: LinearTrust, budget: float) -> Diagnosis:
+    def by(trust: LinearTrust | None, budget: float) -> Diagnosis:
         return diagnose_histories(
             structure,
             transients,

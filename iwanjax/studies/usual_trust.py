@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from iwanjax.discrepancy import Diagnosis
+from iwanjax.identification.predictor import HeavyDampingError
 from iwanjax.settings.stages import settings
 from iwanjax.structures import LinearTrust
 
@@ -16,7 +17,7 @@ USUAL = LinearTrust(frequencies=0.005, damping=0.3)
 
 
 def by_usual_trust(
-    diagnose: Callable[[LinearTrust, float], Diagnosis],
+    diagnose: Callable[[LinearTrust | None, float], Diagnosis],
     budget: float,
     progress: Callable[[str], None],
 ) -> Diagnosis:
@@ -25,7 +26,7 @@ def by_usual_trust(
     Its damping is fitted within :data:`DAMPING_OPEN`, its frequencies are taken as given: an error
     of theirs that one spring or mass explains in all modes at once is told as that. Where this
     leaves more than noise, frequencies are fitted as well, within :data:`USUAL`, and what predicts
-    the recordings better counts.
+    the recordings better counts. A model with a mode that is damped too heavily is exact.
 
     Parameters
     ----------
@@ -42,7 +43,10 @@ def by_usual_trust(
         Its warnings say what was granted, where that is more than damping.
     """
     started = time.perf_counter()
-    found = diagnose(DAMPING_OPEN, budget)
+    try:
+        found = diagnose(DAMPING_OPEN, budget)
+    except HeavyDampingError:
+        return diagnose(None, budget)
     left = budget - (time.perf_counter() - started)
     if left <= 0.0 or unexplained(found) <= 1.0:
         return found

@@ -30,7 +30,7 @@ from iwanjax.identification.linearise import innovations, linearise
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.identification.predictor import predictor
 from iwanjax.identification.problem import HistoryProblem, Start
-from iwanjax.structures import LinearTrust
+from iwanjax.structures import JointedStructure, LinearStructure, LinearTrust
 
 PEAK, NOISE = 60.0, 1e-3
 TRUST = LinearTrust(frequencies=0.005, damping=0.2)
@@ -113,6 +113,29 @@ def test_the_linear_system_has_the_errors_and_the_observer_does_not():
     )
     gains = made.gains([made.empty()] * 2, np.stack([z, 0.0 * z]), SHORT_TIME_CONSTANT).gain
     np.testing.assert_array_equal(gains[0], gains[1])
+
+
+def test_only_what_is_uncertain_is_fitted():
+    """Damping alone: half as many values, and frequencies stay as given."""
+    y, noise = recorded(*moved(*OFF))
+    made, _ = problem([y], [measured_force(PEAK)], noise, joint=False)
+    whole = trusting(made, LinearTrust(frequencies=0.005, damping=0.2))
+    by = predictor(
+        JointedStructure(LinearStructure(M, C, stiffness_with_joint()), {}),
+        jnp.eye(2),
+        jnp.eye(2),
+        RATE,
+        "acceleration",
+        (),
+        2,
+        LinearTrust(frequencies=0.0, damping=0.2),
+    )[0]
+    assert (by.errors, whole.predictor.errors) == (2, 4)
+    z = np.array([0.5, -0.3])
+    omega2, damping = by.modes_at(z)
+    both, expected = whole.predictor.modes_at(np.concatenate([[0.0, 0.0], z]))
+    np.testing.assert_allclose(omega2, both, rtol=1e-12)
+    np.testing.assert_allclose(damping, expected, rtol=1e-12)
 
 
 def test_derivatives_are_those_of_finite_differences():

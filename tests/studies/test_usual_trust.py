@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from iwanjax.discrepancy.findings import Errors
+from iwanjax.identification.predictor import HeavyDampingError
 from iwanjax.studies.usual_trust import DAMPING_OPEN, USUAL, by_usual_trust, unexplained
 
 FLOOR = Errors(0.01, 0.01)
@@ -33,6 +34,8 @@ class Asked:
     def __call__(self, budget=math.inf):
         def diagnose(trust, seconds):
             self.budgets.append(seconds)
+            if trust not in self.by_trust:
+                raise HeavyDampingError("trust: a mode is damped too heavily")
             return self.by_trust[trust]
 
         return by_usual_trust(diagnose, budget, self.said.append)
@@ -64,6 +67,10 @@ def test_freedom_that_does_not_help_is_not_taken():
 def test_a_spent_budget_ends_with_the_first():
     asked = Asked({DAMPING_OPEN: BAD})
     assert asked(0.0) is BAD
+
+
+def test_a_mode_whose_damping_cannot_be_fitted_makes_the_model_exact():
+    assert Asked({None: BAD})() is BAD
 
 
 @pytest.mark.parametrize(

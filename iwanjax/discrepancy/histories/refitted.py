@@ -86,11 +86,12 @@ def modes_refitted(
     tuple of Refitted
         One for each mode that had a trust; none of an exact model.
     """
-    trusted = np.asarray(problem.predictor.uncertain)
-    count = trusted.size
-    logarithm = trusted * fitted.theta.mean(axis=0)[:count].reshape(2, -1)
-    known = np.sqrt(np.maximum(np.diag(covariance(problem, fitted))[:count], 0.0)).reshape(2, -1)
-    value = np.expm1(logarithm)
+    made = problem.predictor
+    trusted, count = np.asarray(made.uncertain), made.errors
+    logarithm = trusted * made.of_modes(fitted.theta.mean(axis=0))
+    variance = np.diag(covariance(problem, fitted))[:count]
+    known = np.asarray(made.of_modes(np.sqrt(np.maximum(variance, 0.0))))
+    value = np.expm1(np.asarray(logarithm))
     std = (1.0 + value) * trusted * known
     return tuple(
         Refitted(name, tuple(map(Estimate, _OF_MODE, values.tolist(), deviations.tolist())))
@@ -102,7 +103,7 @@ def modes_refitted(
 def beyond_trust(problem: HistoryProblem, fitted: HypothesisFit, names: Sequence[str]) -> list[str]:
     """Modes that were moved farther than they are trusted to be exact, in words."""
     trusted = np.asarray(problem.predictor.uncertain)
-    z = fitted.theta.mean(axis=0)[: trusted.size].reshape(2, -1)
+    z = np.asarray(problem.predictor.of_modes(fitted.theta.mean(axis=0)))
     return [
         f"{name} was moved by {100 * math.expm1(own[i] * far[i]):+.2g} % in {what}, beyond its "
         f"trust of {100 * own[i]:.2g} %: look at the linear model there"
