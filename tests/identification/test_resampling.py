@@ -99,10 +99,9 @@ def test_noise_keeps_its_density(new):
     x[:, 1] = np.nan
     shaken = StudyRecording("n", x, RNG.standard_normal((40_000, 1)), initial="unknown")
     found = at_rate(shaken, RATE, new, np.full(2, np.nan))
-    # The least of twenty bands is up to 40 % too small in its square.
-    assert_allclose(found.noise[0], math.sqrt(new / RATE), rtol=0.1)
+    assert_allclose(found.noise.deviation[0], math.sqrt(new / RATE), rtol=0.1)
     stated = at_rate(shaken, RATE, new, np.array([3.0, 3.0]))
-    assert_allclose(stated.noise[0], 3.0 * math.sqrt(new / RATE))
+    assert_allclose(stated.noise.deviation[0], 3.0 * math.sqrt(new / RATE))
     assert np.all(np.isnan(found.response[:, 1]))
     power = np.abs(np.fft.rfft(found.response[:, 0])) ** 2 / len(found.response)
     low = round(0.3 * min(RATE, new) / new * len(found.response))
