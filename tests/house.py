@@ -42,7 +42,7 @@ MODULES = {
     "quasistatic": 9,
     "report": 3,
     "structures": 40,
-    "studies": 11,
+    "studies": 10,
     "updating": 17,
     "verbs": 9,
 }

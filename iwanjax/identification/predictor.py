@@ -52,10 +52,6 @@ class Data(NamedTuple):
     unsure: Float[Array, "recordings states directions"]
 
 
-class HeavyDampingError(InputError):
-    """A mode whose errors cannot be fitted: the map over a step would not be known as it moves."""
-
-
 class Predictor(eqx.Module):
     r"""A structure's response to measured forces, corrected by what was measured before.
 
@@ -345,7 +341,7 @@ def predictor(
     part = (slice(kept),) * C.ndim
     dt = 1.0 / (sampling_rate * substeps)
     if trust is not None and np.max(np.abs(C[part])) * dt > 0.5 * MOST:
-        raise HeavyDampingError(
+        raise InputError(
             "trust: a mode is damped too heavily for its error to be fitted "
             f"({np.max(np.abs(C[part])):.3g} 1/s); leave trust out, or the damper to a joint"
         )

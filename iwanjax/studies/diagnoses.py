@@ -18,11 +18,9 @@ from iwanjax.identification.resampling import at_one_rate
 from iwanjax.identification.steady.cycle import InteractingMode
 from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals import ForceLoop, Recording
-from iwanjax.structures import LinearTrust
 from iwanjax.studies.fits import of_one_quantity
 from iwanjax.studies.measured import MeasuredMode, measured_modes
 from iwanjax.studies.reading import part_of, read_force_loop, recordings_of
-from iwanjax.studies.usual_trust import by_usual_trust
 from iwanjax.updating import modal_parameters
 from iwanjax.updating.structural import joint_parameters
 
@@ -210,28 +208,21 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
     rates = [recording.sampling_rate for _, _, recording in measured]
     given = np.array([study.noise.get(name, math.nan) for name in sensors])
     transients, rate, resampled = at_one_rate(transients, rates, given)
-
-    def by(trust: LinearTrust | None, budget: float) -> Diagnosis:
-        return diagnose_histories(
-            structure,
-            transients,
-            rate,
-            rows=model.rows,
-            sensors={name: model.sensors[name] for name in sensors},
-            inputs=model.inputs,
-            quantity=quantity,
-            hypotheses=study.hypotheses,
-            noise=study.noise,
-            trust=trust,
-            budget=budget,
-            seed=study.seed,
-            progress=progress,
-        )
-
-    if study.trust is None:
-        verdict = by_usual_trust(by, budget, progress)
-    else:
-        verdict = by(study.trust, budget)
+    verdict = diagnose_histories(
+        structure,
+        transients,
+        rate,
+        rows=model.rows,
+        sensors={name: model.sensors[name] for name in sensors},
+        inputs=model.inputs,
+        quantity=quantity,
+        hypotheses=study.hypotheses,
+        noise=study.noise,
+        trust=study.trust,
+        budget=budget,
+        seed=study.seed,
+        progress=progress,
+    )
     return replace(verdict, warnings=(*verdict.warnings, *resampled)) if resampled else verdict
 
 
