@@ -6,7 +6,7 @@ from pydantic import AfterValidator, Field
 
 from iwanjax.config.faults import fault
 from iwanjax.config.section import ConfigSection, Count, Index
-from iwanjax.estimation.least_squares import Method
+from iwanjax.estimation.settings import Method
 
 
 def _even(count: int) -> int:

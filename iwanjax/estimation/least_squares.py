@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,10 +19,7 @@ from iwanjax.estimation.problem import (
     LeastSquaresSolution,
     residuals_and_slopes_in_variables,
 )
-from iwanjax.estimation.settings import SEARCH, SearchSettings
-
-Method = Literal["optimistix", "jaxopt", "host"]
-"""Who searches."""
+from iwanjax.estimation.settings import SEARCH, Method, SearchSettings
 
 
 def least_squares(

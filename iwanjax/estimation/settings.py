@@ -1,6 +1,10 @@
 """Tuned numbers of searches and of what their ends are worth."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+Method = Literal["optimistix", "jaxopt", "host"]
+"""Who searches."""
 
 
 @dataclass(frozen=True)

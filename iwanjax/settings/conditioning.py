@@ -25,8 +25,8 @@ class ConditioningSettings:
     endless : float
         Share of its peak by which the last quarter of a force scatters that never ends.
     cut_off : float
-        Scatter of a force beyond its pulses over that of its last quarter, above which they are not
-        all of it: up to 1.15 by hammers of the development cases, 1 for noise.
+        Scatter of a force beyond its pulses, by nine of ten samples, over that of its last quarter,
+        above which they are not all of it: 1 for noise.
     enough : int, samples
         Samples before the first force that a sensor's noise is measured on.
     spoilt : int, samples

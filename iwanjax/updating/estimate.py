@@ -12,10 +12,11 @@ from jaxtyping import Array
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.estimation.bounded import resting, within_bounds
-from iwanjax.estimation.least_squares import Method, least_squares
+from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.minima import Minimum
 from iwanjax.estimation.parameters import Parameter, drawn, fixed_at, replaced, with_values
 from iwanjax.estimation.problem import AbstractLeastSquares
+from iwanjax.estimation.settings import Method
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision

@@ -136,7 +136,9 @@ class ModalProblem(AbstractProblem):
         if not isinstance(joint, Iwan5):
             return []
         q, largest = (np.asarray(x) for x in (self.measured.q, self.measured.largest))
-        above = q >= 0.5 * (1.0 + values["theta"]) * np.minimum(largest, float(joint.phi_max))
+        # Where the decays do not show phi_max, a fit's own is no reason to have seen theta.
+        slipped = float(joint.phi_max) if determined.get("F_S", True) else np.inf
+        above = q >= 0.5 * (1.0 + values["theta"]) * np.minimum(largest, slipped)
         if determined.get("theta", np.any(above)):
             return []
         highest = float(np.max(q / largest))

@@ -38,6 +38,11 @@ def _limits(kind: Kind) -> tuple[Nested, ...]:
     return getattr(kind, "limits", ())
 
 
+def _key(nested: Nested) -> str:
+    """Of the simpler kind, of which K may hold the stiffness as of the whole."""
+    return next(key for key, kind in KINDS.items() if nested.means(kind))
+
+
 LAWS = [
     pytest.param(kind, nested, id=f"{name}, {nested.name}")
     for name, kind in KINDS.items()
@@ -119,7 +124,7 @@ def begun(searched, *names: str, stiffness: float = 5e3) -> RankedFit:
 
 
 CONTAINED = [
-    *(((name,), (each.name,)) for name, kind in KINDS.items() for each in _limits(kind)),
+    *(((name,), (_key(each),)) for name, kind in KINDS.items() for each in _limits(kind)),
     *(((name,), ()) for name in NAMES),
     *(
         ((name,), ())

@@ -181,7 +181,7 @@ class Hits:
     def run(self, known: np.ndarray, told: SensorNoise | None = None) -> FreeRun:
         """Of the model as it is, with nothing fitted."""
         seen = self.conditioned(known, told)
-        problem = HistoryProblem(self.by, (), seen.data, self.noise, (0,), self.compiled)
+        problem = HistoryProblem(self.by, (), seen.data, self.noise, (0,), compiled=self.compiled)
         start = Start(problem.nothing(), problem.map.given())
         (fitted,) = multistart(problem, [start], math.inf, 0)
         return free_run(problem, fitted, [], [(seen, (0,))])
