@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import pytest
 from concealed.sensitivity import AS_IS, numbers, replaced, scaled, table, trials
 
 from iwanjax.settings.stages import Settings
@@ -54,6 +55,7 @@ def test_one_number_is_replaced_at_a_time():
     assert ("shares", "doubled") not in tried
 
 
+@pytest.mark.long
 def test_every_number_of_a_diagnosis_can_be_replaced():
     for path, value, _ in numbers(Settings()):
         other = replaced(Settings(), path, scaled(value, 2.0))
