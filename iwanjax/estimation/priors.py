@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.special import ndtri
 
 from iwanjax.errors import InputError
 from iwanjax.types import is_traced, real
@@ -24,6 +25,10 @@ class AbstractPrior(eqx.Module):
     @abc.abstractmethod
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values drawn from the distribution, (count,)."""
+
+    @abc.abstractmethod
+    def quantile(self, share: np.ndarray) -> np.ndarray:
+        """The value below which so large a share of the distribution lies, 0 < share < 1."""
 
 
 class Uniform(AbstractPrior):
@@ -57,6 +62,10 @@ class Uniform(AbstractPrior):
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values between the ends."""
         return random.uniform(self.low, self.high, count)
+
+    def quantile(self, share: np.ndarray) -> np.ndarray:
+        """Linear in the share."""
+        return np.asarray(self.low + share * (self.high - self.low))
 
 
 class LogUniform(AbstractPrior):
@@ -93,6 +102,10 @@ class LogUniform(AbstractPrior):
         """Values between the ends."""
         return np.exp(random.uniform(np.log(self.low), np.log(self.high), count))
 
+    def quantile(self, share: np.ndarray) -> np.ndarray:
+        """Its logarithm is linear in the share."""
+        return np.asarray(self.low * (self.high / self.low) ** share)
+
 
 class Normal(AbstractPrior):
     """Gauss's distribution.
@@ -127,6 +140,10 @@ class Normal(AbstractPrior):
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values about the mean."""
         return random.normal(self.mean, self.std, count)
+
+    def quantile(self, share: np.ndarray) -> np.ndarray:
+        """Of Gauss's distribution."""
+        return np.asarray(self.mean + self.std * ndtri(share))
 
 
 class LogNormal(AbstractPrior):
@@ -166,6 +183,10 @@ class LogNormal(AbstractPrior):
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values about the median."""
         return float(self.median) * np.exp(random.normal(0.0, self.sigma, count))
+
+    def quantile(self, share: np.ndarray) -> np.ndarray:
+        """Of Gauss's distribution of the logarithm."""
+        return np.asarray(self.median * np.exp(self.sigma * ndtri(share)))
 
 
 PRIORS: dict[str, type[AbstractPrior]] = {

@@ -27,6 +27,7 @@ from iwanjax.plotting.quasistatic import plot_qsma
 from iwanjax.plotting.ringdown import plot_measured, plot_merged, plot_ringdown
 from iwanjax.plotting.shapes import plot_assurance, plot_shapes, plot_strokes
 from iwanjax.plotting.single_mode import plot_decays, plot_modes
+from iwanjax.plotting.trade_off import plot_front, plot_sampled
 from iwanjax.plotting.transient import plot_driven, plot_hysteresis, plot_transient
 from iwanjax.quasistatic import QsmaSolution
 from iwanjax.signals.hilbert import RingDown
@@ -42,6 +43,7 @@ __all__ = [
     "plot_diagnosis",
     "plot_explained",
     "plot_fit",
+    "plot_front",
     "plot_hysteresis",
     "plot_joint",
     "plot_linear",
@@ -54,6 +56,7 @@ __all__ = [
     "plot_qsma",
     "plot_restoring",
     "plot_ringdown",
+    "plot_sampled",
     "plot_shapes",
     "plot_strokes",
     "plot_transient",
@@ -63,7 +66,9 @@ __all__ = [
 _BY_NAME = {
     "iwanjax.updating.solution.FitSolution": plot_fit,
     "iwanjax.updating.linear_solution.LinearSolution": plot_linear,
+    "iwanjax.updating.pareto.ParetoFront": plot_front,
     "iwanjax.updating.posterior.Posterior": plot_posterior,
+    "iwanjax.updating.sampled.SampledFits": plot_sampled,
     "iwanjax.studies.fits.StudyFit": plot_study_fit,
     "iwanjax.studies.simulations.DrivenJoint": plot_driven,
 }
@@ -77,7 +82,8 @@ def plot(obj: Any, **options: Any) -> Figure:
     ----------
     obj : object
         A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, SimulatedResponse, ModalDecays,
-        Diagnosis, FitSolution, LinearSolution or Posterior, or what a study returns.
+        Diagnosis, FitSolution, LinearSolution, SampledFits, ParetoFront or Posterior, or what a
+        study returns.
     **options
         Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
         :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_transient`, :func:`plot_fit` or
@@ -109,7 +115,8 @@ def plot(obj: Any, **options: Any) -> Figure:
     raise InputError(
         f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
         "RingDown, MergedCurves, SimulatedResponse, ModalDecays, "
-        "Diagnosis, FitSolution, LinearSolution or Posterior, or what a study returns"
+        "Diagnosis, FitSolution, LinearSolution, SampledFits, ParetoFront or Posterior, or what a "
+        "study returns"
     )
 
 

@@ -9,8 +9,10 @@ from iwanjax.updating.linear import positive_parameter, update_linear
 from iwanjax.updating.linear_problem import MeasuredModes
 from iwanjax.updating.linear_solution import LinearSolution
 from iwanjax.updating.modal import modal_parameters
+from iwanjax.updating.pareto import ParetoFront, pareto_front
 from iwanjax.updating.posterior import Band, Posterior
 from iwanjax.updating.power_law import Exponents, free_exponents
+from iwanjax.updating.sampled import SampledFits, sample_fits
 from iwanjax.updating.solution import Direction, FitSolution
 from iwanjax.updating.structural import structural_parameters
 
@@ -21,11 +23,15 @@ __all__ = [
     "FitSolution",
     "LinearSolution",
     "MeasuredModes",
+    "ParetoFront",
     "Posterior",
+    "SampledFits",
     "fit",
     "free_exponents",
     "modal_parameters",
+    "pareto_front",
     "positive_parameter",
+    "sample_fits",
     "structural_parameters",
     "update_linear",
 ]

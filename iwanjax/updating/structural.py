@@ -104,6 +104,25 @@ class StructuralProblem(AbstractProblem):
         second = self._solved(structure, jnp.exp(loads), zeta_0).curves
         return second.frequency[self.curve, self.level], second.damping[self.curve, self.level]
 
+    def predict_sets(self, theta: Float[Array, "sets parameters"]) -> tuple[Array, Array]:
+        """The same of many parameter sets, (sets, N) each, in one batch.
+
+        One pass over ``alpha``, interpolated in the logarithm of the amplitude: with its 40 loads
+        off by less than a thousandth of a curve's change.
+        """
+        nothing = jnp.zeros(len(self.modes))
+        found = self._solved(self.jointed(theta.T), self.alpha, nothing)
+        at = jnp.log(self.levels)
+
+        def over_modes(q: Array, y: Array) -> Array:
+            return jax.vmap(cubic)(at, jnp.log(q), y)
+
+        f, zeta = (
+            jax.vmap(over_modes)(found.q, y) for y in (found.curves.frequency, found.curves.damping)
+        )
+        beside = theta[:, -len(self.modes) :, None]
+        return f[:, self.curve, self.level], (zeta + beside)[:, self.curve, self.level]
+
     def iwan_places(self, theta: Float[Array, " parameters"]) -> tuple[IwanPlace, ...]:
         """Iwan joints by group, and the largest deflection of any of a group in any curve."""
         with warnings.catch_warnings():
@@ -140,6 +159,10 @@ class StructuralProblem(AbstractProblem):
                 each = {"phi_max": joint.phi_max, "R": joint.R, "S": joint.S}
                 found |= {f"{owner}.{name}": value for name, value in each.items()}
         return found
+
+    def is_kind(self, owner: str, kind: type[AbstractJoint]) -> bool:
+        """Whether the joints of a group are of a kind."""
+        return any(name == owner and own is kind for name, _, own, _ in self._groups())
 
     def _groups(self) -> list[tuple[str, tuple[str, ...], type[AbstractJoint], int]]:
         """Name, joints, type and first parameter of each group."""
