@@ -174,8 +174,9 @@ class Whole(NamedTuple):
     nothing : float
         Probability that nothing is missing from any part.
     something_else : float
-        That what was found is not what is missing; where nothing was found, that something is
-        missing from any part that was not tried.
+        Probability that the truth is none of what was tried in any part, in one of them at least.
+        Beside ``something_missing`` it may exceed one half: what is missing from one part has a
+        name then, what is missing from another has none.
     """
 
     name: VerdictName
@@ -185,12 +186,25 @@ class Whole(NamedTuple):
 
 
 def together(parts: Sequence[Verdict]) -> Whole:
-    """Verdicts on independent parts as one."""
-    nothing, found = math.prod(each.nothing for each in parts), [x for x in parts if x.found]
-    detected = any(each.detected for each in parts)
-    if found:
-        return Whole("something_missing", True, nothing, min(x.something_else for x in found))
+    r"""Verdicts on several parts as one.
+
+    With :math:`P_0` and :math:`P_{else}` of each part,
+
+    .. math:: P_0 = \prod_i P_{0,i}, \qquad P_{else} = 1 - \prod_i (1 - P_{else,i}) .
+
+    The parts count as independent: each was judged by its own values. Modes that share recordings
+    and a structure are not quite. Whatever their dependence, Fréchet's bounds hold,
+
+    .. math:: \max_i P_{else,i} \le P_{else} \le \min(1, \textstyle\sum_i P_{else,i}), \quad
+              P_0 \le \min_i P_{0,i},
+
+    and the products keep them: a whole is never surer of its names than its least sure part is.
+    """
+    nothing = math.prod(each.nothing for each in parts)
     unknown = 1.0 - math.prod(1.0 - each.something_else for each in parts)
+    detected = any(each.detected for each in parts)
+    if any(each.found for each in parts):
+        return Whole("something_missing", True, nothing, unknown)
     name = "nothing_missing" if nothing > 0.5 and not detected else "undecided"
     return Whole(name, detected, nothing, unknown)
 

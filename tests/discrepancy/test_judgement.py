@@ -45,8 +45,25 @@ def test_the_verdict_on_several_parts_agrees_with_theirs(parts):
     assert (whole.nothing > 0.5) == (whole.name == "nothing_missing")
     assert (whole.name == "something_missing") == any(each.found for each in parts)
     assert whole.nothing + whole.something_else <= 1.0 + 1e-9
-    if whole.name == "something_missing":
-        assert whole.something_else < 0.5
+    # Fréchet's bounds, which hold whatever the parts have to do with each other.
+    unknown = [each.something_else for each in parts]
+    assert max(unknown) - 1e-9 <= whole.something_else <= min(1.0, sum(unknown)) + 1e-9
+    assert whole.nothing <= min(each.nothing for each in parts) + 1e-12
+
+
+def test_one_part_without_a_name_is_not_hidden_by_another_that_has_one():
+    """Two modes: coupled beyond doubt, and coupled or else something that nobody tried."""
+    coupled = judged(0.0, [30.0], Misfit(9.0, 9.0), Misfit(1.0, 1.0))
+    strange = judged(0.0, [30.0], Misfit(9.0, 9.0), Misfit(2.0, 2.0))
+    assert coupled.something_else < 1e-9
+    assert strange.something_else > 0.5
+    whole = together([coupled, strange])
+    assert (whole.name, whole.detected) == ("something_missing", True)
+    assert whole.something_else == pytest.approx(strange.something_else)
+    # Of independent parts either may be the one.
+    both = together([strange, strange])
+    assert both.something_else == pytest.approx(1.0 - (1.0 - strange.something_else) ** 2)
+    assert together([coupled]).something_else == coupled.something_else
 
 
 @given(EVIDENCE, st.floats(1.7, 1e6), st.floats(1.0, 10.0))
