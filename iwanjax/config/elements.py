@@ -8,7 +8,13 @@ import numpy as np
 from iwanjax.config.schema import JointSection
 from iwanjax.config.source import Place, Source
 from iwanjax.files import nearest
-from iwanjax.joints import DISTRIBUTION_PARAMETERS, AbstractJoint, ParameterInfo, joint_type
+from iwanjax.joints import (
+    DISTRIBUTION_PARAMETERS,
+    AbstractJoint,
+    ParameterInfo,
+    UnnamedLaw,
+    joint_type,
+)
 
 
 def element_of(source: Source, i: int, joint: JointSection) -> AbstractJoint:
@@ -16,6 +22,13 @@ def element_of(source: Source, i: int, joint: JointSection) -> AbstractJoint:
     place: Place = ("model", "joints", i, "parameters")
     with source.blamed("model", "joints", i, "type"):
         kind = joint_type(joint.type)
+    if issubclass(kind, UnnamedLaw):
+        return _saved(source, i, joint)
+    if joint.file is not None:
+        raise source.error(
+            ("model", "joints", i, "file"),
+            f"got {joint.file!r}; of {joint.type} expected parameters instead",
+        )
     ways = _ways(kind)
     expected = " or ".join(", ".join(infos) for infos, _ in ways)
     given = joint.parameters
@@ -34,6 +47,20 @@ def element_of(source: Source, i: int, joint: JointSection) -> AbstractJoint:
         check_value(source, (*place, name), info, given[name])
     with source.blamed(*place):
         return make(**given)
+
+
+def _saved(source: Source, i: int, joint: JointSection) -> UnnamedLaw:
+    """The law of a file, which has no parameters beside it."""
+    place: Place = ("model", "joints", i)
+    if joint.parameters:
+        raise source.error(
+            (*place, "parameters"),
+            f"got {', '.join(joint.parameters)}; a {joint.type} takes no parameters, only file:",
+        )
+    if joint.file is None:
+        raise source.error(place, f"file is missing; expected that of a saved {joint.type}")
+    with source.blamed(*place, "file"):
+        return UnnamedLaw.load(source.folder / joint.file)
 
 
 def check_value(source: Source, place: Place, info: ParameterInfo, value: float) -> None:

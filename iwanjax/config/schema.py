@@ -21,12 +21,13 @@ _SOURCES = ("file", "matrices", "builder", "modal")
 
 
 class JointSection(ConfigSection):
-    """An entry of ``joints:``."""
+    """An entry of ``joints:``: an element with its parameters, or a law saved in a file."""
 
     name: str
     row: str | None = None
     type: str
-    parameters: dict[str, float]
+    parameters: dict[str, float] = Field(default_factory=dict)
+    file: str | None = None
 
     @property
     def place(self) -> str:

@@ -30,6 +30,7 @@ from iwanjax.joints.springs import (
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.joints.tabulated import Tabulated
 from iwanjax.joints.tanh_spring import TanhSpring
+from iwanjax.joints.unnamed import UnnamedLaw
 
 __all__ = [
     "DISTRIBUTION_PARAMETERS",
@@ -64,6 +65,7 @@ __all__ = [
     "SlipFronts",
     "Tabulated",
     "TanhSpring",
+    "UnnamedLaw",
     "described",
     "hysteresis",
     "joint_type",

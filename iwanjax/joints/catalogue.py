@@ -25,6 +25,7 @@ from iwanjax.joints.springs import (
     QuadraticSpring,
 )
 from iwanjax.joints.tanh_spring import TanhSpring
+from iwanjax.joints.unnamed import UnnamedLaw
 
 JOINTS: dict[str, type[AbstractJoint]] = {
     "iwan4": Iwan4,
@@ -42,6 +43,7 @@ JOINTS: dict[str, type[AbstractJoint]] = {
     "tanh_spring": TanhSpring,
     "bouc_wen": BoucWen,
     "backlash": Backlash,
+    "unnamed_law": UnnamedLaw,
 }
 
 

@@ -2,12 +2,16 @@
 
 from iwanjax.effects.catalogue import catalogue
 from iwanjax.effects.kinds import ForceKind
-from iwanjax.joints import JOINTS, AbstractJoint, Iwan4, Iwan5, described
+from iwanjax.joints import JOINTS, AbstractJoint, Iwan4, Iwan5, UnnamedLaw, described
 from iwanjax.tables import Grid, as_text
 
 _HEADER = ("type", "parameters", "found as", "what it is")
 # Joints that are found by fits of their own, not as a force of one size.
-_OTHERS: dict[type[AbstractJoint], str] = {Iwan4: "iwan_joint", Iwan5: "stiction"}
+_OTHERS: dict[type[AbstractJoint], str] = {
+    Iwan4: "iwan_joint",
+    Iwan5: "stiction",
+    UnnamedLaw: "unnamed_law",
+}
 _NOTE = "In brackets: tried where a study's key hypotheses names it. Others are tried in any case."
 
 
@@ -26,4 +30,6 @@ def run() -> str:
 
 
 def _parameters(law: type[AbstractJoint]) -> str:
+    if issubclass(law, UnnamedLaw):
+        return "file: of a law saved by a diagnosis"
     return ", ".join(f"{info.name} [{info.dimension}]" for info in law.parameters)

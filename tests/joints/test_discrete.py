@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from oracles import drive_sliders
 
 import iwanjax as ij
-from iwanjax.joints import JOINTS, SliderBank
+from iwanjax.joints import JOINTS, SliderBank, UnnamedLaw
+from iwanjax.joints.unnamed_terms import TERMS
 
 SLIDERS = 30
 STEPS = 12
@@ -243,7 +244,9 @@ ELEMENTS = {
     **{
         name: kind(**{i.name: 1.5 if i.name == "n" else 0.3 for i in kind.parameters})
         for name, kind in JOINTS.items()
+        if kind is not UnnamedLaw
     },
+    "unnamed_law": UnnamedLaw(np.linspace(0.0, 1.0, len(TERMS)), 0.9, 1.3, 0.7),
     "iwan5": scaled(ij.Iwan5, chi=-0.4, beta=0.7, theta=0.6),
     "one-sided gap": ij.Gap(k=0.5, gap=0.3, sides="positive"),
     "tabulated": ij.Tabulated(d=[-1.0, 0.0, 0.4, 2.0], force=[-2.0, 0.0, 0.3, 3.0]),

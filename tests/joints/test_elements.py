@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import iwanjax as ij
-from iwanjax.joints import JOINTS, PowerLawDamping, joint_type, masing_dissipation
+from iwanjax.joints import JOINTS, PowerLawDamping, UnnamedLaw, joint_type, masing_dissipation
 from iwanjax.joints.power import logarithm, power
+from iwanjax.joints.unnamed_terms import TERMS
 
 D = np.array([-3.0, -1.0, -0.2, 0.0, 0.2, 1.0, 3.0])
 
@@ -84,7 +85,9 @@ ELEMENTS = {
         # An exponent from 1 on is none of 0.5.
         name: kind(**{each: 1.5 if each == "n" else 0.5 for each in names(kind)})
         for name, kind in JOINTS.items()
+        if kind is not UnnamedLaw
     },
+    "unnamed_law": UnnamedLaw(np.linspace(0.0, 1.0, len(TERMS)), 0.9, 1.3, 0.7),
     "one-sided gap": ij.Gap(k=0.5, gap=0.5, sides="positive"),
     "tabulated": ij.Tabulated(d=[-1.0, 0.0, 0.4, 2.0], force=[-2.0, 0.0, 0.3, 3.0]),
 }

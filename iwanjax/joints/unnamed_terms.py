@@ -1,0 +1,107 @@
+"""Terms of the general law: knots of its spring, dampers, sliders and relaxing springs.
+
+All are of a place's motion over its largest: x = d/D, u = v/V.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+_Grid = Float[np.ndarray, " points"]
+
+
+def _knots() -> _Grid:
+    """Of the spring, seven intervals to a side, closer to zero: the first is 0.05 wide."""
+    side = (np.arange(1, 8) / 7.0) ** 1.5
+    return np.concatenate([-side[::-1], [0.0], side])
+
+
+def _intervals(knots: _Grid) -> Float[np.ndarray, "orders intervals terms"]:
+    """Polynomials of each term of the spring between the knots, in the distance from the left one.
+
+    The first term is x. Each other has a slope that grows by one about an inner knot: its second
+    derivative is a hat of unit area there, so that it is the spring of a clearance that ends, or
+    that begins, smoothly. All vanish at x = 0 with their slopes.
+    """
+    h, inner, zero = np.diff(knots), len(knots) - 2, len(knots) // 2
+    bend = np.zeros((len(knots), 1 + inner))
+    bend[1:-1, 1:] = np.diag(2.0 / (h[:-1] + h[1:]))
+    rise = np.diff(bend, axis=0) / h[:, None]
+
+    def summed(steps: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
+        values = np.concatenate([np.zeros_like(steps[:1]), np.cumsum(steps, axis=0)])
+        return values - values[zero] + at_zero
+
+    left, wide = bend[:-1], h[:, None]
+    straight = np.eye(1 + inner)[0]
+    slope = summed(wide * (left + wide * rise / 2.0), straight)
+    force = summed(wide * (slope[:-1] + wide * (left / 2.0 + wide * rise / 6.0)), 0.0 * straight)
+    energy = summed(
+        wide * (force[:-1] + wide * (slope[:-1] / 2.0 + wide * (left / 6.0 + wide * rise / 24.0))),
+        0.0 * straight,
+    )
+    return np.stack([energy[:-1], force[:-1], slope[:-1], left, rise])
+
+
+def _slips() -> tuple[_Grid, Float[np.ndarray, "sliders nodes"]]:
+    """Deflections of slip, three to each octave, and their shares of the strength at each node.
+
+    Nodes are an octave apart, from D down to D/512; strength is linear between them over the
+    logarithm of slip.
+    """
+    octaves = np.arange(0, 28) / 3.0
+    hats = np.maximum(1.0 - np.abs(octaves[:, None] - np.arange(10)), 0.0)
+    return 2.0**-octaves, hats / hats.sum(axis=0)
+
+
+def _rates() -> _Grid:
+    r"""Rates at which dampers saturate, half a decade apart.
+
+    Sums of :math:`u/(u + \epsilon)` are the Stieltjes functions, every root of u among them.
+    """
+    return 10.0 ** (-np.arange(5) / 2.0)
+
+
+def _times() -> _Grid:
+    """Relaxation times over T/(2 pi): half a decade apart, about that of the slowest motion."""
+    return 10.0 ** ((np.arange(4) - 2.0) / 2.0)
+
+
+KNOTS = _knots()
+"""Where the spring's slope may change, x."""
+INTERVALS = _intervals(KNOTS)
+"""Energy, force, slope, its derivative and that one's at the left of each interval, by term."""
+SLIPS, SHARES = _slips()
+"""Slip of each slider over D, and what each node's strength is to it."""
+RATES = _rates()
+"""Of the saturating dampers, u."""
+TIMES = _times()
+"""Of the relaxing springs over T/(2 pi)."""
+TERMS: tuple[str, ...] = (
+    "spring",
+    *(f"spring at {x:+.3f} D" for x in KNOTS[1:-1]),
+    *(f"damper saturating at {u:.3g} V" for u in RATES),
+    *("damper of positive rates", "damper of negative rates", "quadratic damper"),
+    "damper of large deflections",
+    *(f"slider at D/{2**k}" for k in range(SHARES.shape[1])),
+    *(f"relaxing spring of {t:.3g} T/(2 pi)" for t in TIMES),
+)
+"""Names of all terms, in the order of the law's strengths."""
+
+
+def _parts() -> dict[str, slice]:
+    found, first = {}, 0
+    for name, count in (
+        ("spring", len(KNOTS) - 1),
+        ("damper", len(RATES) + 4),
+        ("sliders", SHARES.shape[1]),
+        ("relaxation", len(TIMES)),
+    ):
+        found[name] = slice(first, first + count)
+        first += count
+    return found
+
+
+PARTS = _parts()
+"""Where the strengths of each part stand."""
+ELASTIC = PARTS["spring"].stop
+"""How many belong to the spring, and may be negative."""

@@ -1,0 +1,166 @@
+"""The general law: each of its parts by another route, and that it never feeds energy."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.optimize import nnls
+
+import iwanjax as ij
+from iwanjax.joints import UnnamedLaw
+from iwanjax.joints.unnamed_terms import ELASTIC, KNOTS, PARTS, RATES, SHARES, SLIPS, TERMS, TIMES
+from iwanjax.studies import load_study
+
+D, V, T = 2e-3, 0.4, 0.05
+
+
+def drawn(seed: int, *parts: str) -> UnnamedLaw:
+    """Random strengths of some parts, of any sign in the spring."""
+    random = np.random.default_rng(seed)
+    strengths = 10.0 * random.exponential(size=len(TERMS)) * (random.random(len(TERMS)) < 0.5)
+    strengths[:ELASTIC] *= random.choice([-1.0, 1.0], ELASTIC)
+    kept = np.zeros(len(TERMS))
+    for part in parts or PARTS:
+        kept[PARTS[part]] = 1.0
+    return UnnamedLaw(strengths * kept, D, V, T)
+
+
+def test_the_spring_is_the_natural_cubic_spline_through_its_knots():
+    law = drawn(1, "spring")
+    knots = D * KNOTS
+    other = CubicSpline(knots, np.asarray(law.backbone(knots)), bc_type="natural")
+    d = np.linspace(-D, D, 501)
+    np.testing.assert_allclose(law.backbone(d), other(d), atol=1e-11)
+    np.testing.assert_allclose(law.tangent(d), other(d, 1), rtol=1e-9, atol=1e-8)
+    beyond = np.array([1.5, 40.0]) * D
+    for side in (-1.0, 1.0):
+        end, slope = other(side * D), other(side * D, 1)
+        expected = end + slope * (side * beyond - side * D)
+        np.testing.assert_allclose(law.backbone(side * beyond), expected, rtol=1e-10)
+
+
+def test_sliders_are_those_of_numpy():
+    law = drawn(2, "sliders")
+    d = D * np.array([0.3, 1.4, -0.2, -0.1, -1.8, 0.9, 0.85, 0.95, 0.0])
+    phi, k = D * SLIPS, SHARES @ np.array(law.strengths)[PARTS["sliders"]] / (D * SLIPS)
+    stretch, last, expected = np.zeros_like(phi), 0.0, []
+    for each in d:
+        stretch = np.clip(stretch + each - last, -phi, phi)
+        last = each
+        expected.append(k @ stretch)
+    np.testing.assert_allclose(ij.hysteresis(law, d, dt=1e3 * T), expected, rtol=1e-12)
+
+
+def test_relaxing_springs_follow_their_equation():
+    law = drawn(3, "relaxation")
+    tau, strength = T / (2 * np.pi) * TIMES, np.array(law.strengths)[PARTS["relaxation"]]
+    t = np.linspace(0.0, 1.5 * T, 1500)
+    d = D * np.sin(2 * np.pi * t / T) ** 2
+
+    def rate(t, q):
+        return 2 * np.pi / T * D * np.sin(4 * np.pi * t / T) - q / tau
+
+    q = solve_ivp(rate, (0.0, t[-1]), np.zeros(len(tau)), t_eval=t, rtol=1e-10, atol=1e-16).y
+    found = ij.hysteresis(law, d, dt=t[1])
+    np.testing.assert_allclose(found, strength @ q / D, atol=3e-3 * np.max(strength))
+
+
+@pytest.mark.parametrize("power", [0.0, 0.5, 0.8, 1.0, 2.0])
+def test_dampers_make_up_any_power_of_the_rate(power):
+    """A sum that is at least zero everywhere; by least squares over two decades of the rate."""
+    u = np.geomspace(0.01, 1.0, 60)
+    blank = UnnamedLaw.blank(D, V, T)
+    damper = range(PARTS["damper"].start, PARTS["damper"].stop)
+    unit = jax.vmap(
+        lambda s: blank.with_strengths(s).discrete().damper(jnp.zeros(u.size), jnp.asarray(V * u))
+    )(jnp.eye(len(TERMS))[jnp.array(damper)])
+    columns = np.asarray(unit).T
+    # Below its least rate a damper that saturates is no dry friction any more.
+    u, columns = (
+        (u[u > 3 * RATES[-1]], columns[u > 3 * RATES[-1]]) if power == 0.0 else (u, columns)
+    )
+    left = nnls(columns / u[:, None] ** power, np.ones(u.size))[1]
+    assert left / np.sqrt(u.size) < (0.15 if power == 0.0 else 0.02)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.floats(0.1, 3.0), st.floats(0.2, 4.0))
+def test_no_history_feeds_energy(seed, reach, pace):
+    """Work done is energy stored and lost, and nothing is lost that was not put in."""
+    random = np.random.default_rng(seed)
+    t = np.linspace(0.0, 1.0, 4001)
+    turns = random.normal(size=(2, 4))
+    phase = np.outer(t, 2 * np.pi * np.arange(1, 5))
+    d = reach * D * (np.sin(phase) @ turns[0] + (1.0 - np.cos(phase)) @ turns[1]) / 4.0
+    element, dt = drawn(seed).discrete(), jnp.asarray(t[1] * T * pace)
+    v = np.gradient(d, float(dt))
+
+    @jax.jit
+    def run(d, v):
+        def advance(state, ends):
+            found = element.step(*ends, dt, state)
+            return found.state, (found.force, found.loss)
+
+        state, seen = jax.lax.scan(advance, element.init(), (d, v))
+        return *seen, element.energy(d[-1], state)
+
+    force, loss, stored = run(jnp.asarray(d), jnp.asarray(v))
+    size = float(np.sum(np.abs(force[1:] * np.diff(d))))
+    assert np.min(loss) >= -1e-9 * size
+    work = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(d)))
+    # The history closes where it began, so that no spring stores anything.
+    assert work >= -1e-6 * size
+    assert work == pytest.approx(float(np.sum(loss[1:]) + stored), abs=2e-3 * size)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"strengths": np.zeros(3)}, "expected 37, one for each term"),
+        ({"strengths": -np.ones(len(TERMS))}, "less would feed energy"),
+        ({"deflection": 0.0}, "deflection = 0.0; expected a positive number"),
+    ],
+)
+def test_what_is_no_law_is_refused(change, message):
+    good = {"strengths": np.zeros(len(TERMS)), "deflection": D, "rate": V, "period": T}
+    with pytest.raises(ij.InputError, match=message):
+        UnnamedLaw(**(good | change))
+
+
+STUDY = """
+name: saved
+model:
+  builder: three_mass
+  options: {mass: 10, stiffness: 9, zeta: 1e-4}
+  joints:
+    - {name: J1, type: unnamed_law, file: law.npz}
+"""
+
+
+def test_a_saved_law_is_a_joint_of_a_study(tmp_path):
+    law = UnnamedLaw(np.linspace(0.0, 1.0, len(TERMS)), 0.3, 0.3, 6.0)
+    law.save(tmp_path / "law.npz")
+    (tmp_path / "study.yaml").write_text(STUDY)
+    structure = load_study(tmp_path / "study.yaml").structure
+    assert structure is not None
+    (joint,) = structure.elements
+    assert isinstance(joint, UnnamedLaw)
+    np.testing.assert_array_equal(joint.strengths, law.strengths)
+    push = np.zeros((300, 3))
+    push[:20, 1] = 4.0
+    found = ij.simulate(structure, push, 0.05)
+    assert bool(found.balanced)
+    for bad, message in (
+        (STUDY.replace(", file: law.npz", ""), "file is missing"),
+        (STUDY.replace("law.npz", "study.yaml"), "study.yaml"),
+        (STUDY.replace("file: law.npz", "file: law.npz, parameters: {k: 1}"), "only file:"),
+        (STUDY.replace("unnamed_law", "iwan4"), "expected parameters instead"),
+    ):
+        (tmp_path / "study.yaml").write_text(bad)
+        with pytest.raises(ij.InputError, match=message) as caught:
+            load_study(tmp_path / "study.yaml").structure  # noqa: B018
+        assert "\n" not in str(caught.value)
