@@ -33,10 +33,10 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 11,
     "config": 19,
-    "discrepancy": 25,
+    "discrepancy": 26,
     "dynamics": 16,
     "estimation": 13,
-    "identification": 34,
+    "identification": 35,
     "files": 6,
     "plotting": 17,
     "quasistatic": 9,

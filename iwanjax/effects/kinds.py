@@ -164,7 +164,30 @@ class ModeKind:
     shape: ClassVar[None] = None
 
 
-Kind: TypeAlias = ForceKind | AbstractFault | JointKind | ModeKind
+@dataclass(frozen=True)
+class UnnamedKind:
+    """Physics that no name fits: any force of a place's own motion.
+
+    Parameters
+    ----------
+    name, usual, noun, sentence
+        As for :class:`ForceKind`.
+    variant : str
+        What the law does, in words.
+    """
+
+    name: str = "unnamed_law"
+    usual: str = "physics that no name fits"
+    signs: str = "a misfit that no named law takes away"
+    noun: str = "a force that no name fits"
+    sentence: str = "A force that no name fits is missing {place}"
+    variant: str = ""
+    # Its law has many terms, and no simpler kind is a limit of it.
+    shape: ClassVar[None] = None
+    limits: ClassVar[tuple[Nested, ...]] = ()
+
+
+Kind: TypeAlias = ForceKind | AbstractFault | JointKind | ModeKind | UnnamedKind
 
 
 def missing(noun: str) -> str:

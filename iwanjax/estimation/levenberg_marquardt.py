@@ -30,6 +30,8 @@ class Layout(NamedTuple):
         Of the prior about x = 0; zero for what has none.
     border : (free,) array or float
         Largest magnitude of each of x.
+    least : (free,) array or float
+        Least value of each of x, where that is more than minus its border.
     logarithmic : (free,) array or bool
         Which of x are logarithms, and so take no long steps.
     """
@@ -38,6 +40,7 @@ class Layout(NamedTuple):
     T: np.ndarray
     precision: np.ndarray
     border: np.ndarray | float = math.inf
+    least: np.ndarray | float = -math.inf
     logarithmic: np.ndarray | bool = False
 
     def values(self, x: np.ndarray) -> np.ndarray:
@@ -187,7 +190,7 @@ class Descent:
         precision = self.temperature * self.tau * self.layout.precision
         moment = np.einsum("rik,ri->k", self.layout.T, self.seen.moment) + precision * self.x
         while self.damping < self.settings.most_damping:
-            move = step_within(self._damped, moment, self.x, self._border)
+            move = step_within(self._damped, moment, self.x, *self._range)
             if np.all(np.isfinite(move)) and np.all(np.abs(move[logs]) <= self.settings.leap):
                 self.ahead = -float(move @ (2.0 * self._moment + self.normal @ move))
                 return self.x + move
@@ -202,9 +205,10 @@ class Descent:
         return normal + self.damping * np.diag(diagonal + 1e-12 * diagonal.max())
 
     @property
-    def _border(self) -> np.ndarray:
-        """Largest magnitude of each of x."""
-        return np.broadcast_to(self.layout.border, self.x.shape)
+    def _range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest value of each of x."""
+        border = np.broadcast_to(self.layout.border, self.x.shape)
+        return np.maximum(-border, self.layout.least), border
 
     def glimpse(self, x: np.ndarray) -> np.ndarray:
         """A little of the way to x."""
@@ -242,7 +246,7 @@ class Descent:
         if not math.isfinite(bent):
             return x
         more *= min(1.0, self.settings.most_bent * length / max(2.0 * bent, 1e-300))
-        return np.clip(x + more, -self._border, self._border)
+        return np.clip(x + more, *self._range)
 
     def tried(self, x: np.ndarray, residual: np.ndarray, tolerance: float) -> None:
         """Go to x if that gains anything, by the residuals there.
@@ -306,9 +310,9 @@ class Descent:
 
 
 def step_within(
-    normal: np.ndarray, moment: np.ndarray, x: np.ndarray, border: np.ndarray
+    normal: np.ndarray, moment: np.ndarray, x: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """The step of least squares; values that would go beyond a border stop there.
+    """The step of least squares; values that would leave their range stop at its end.
 
     What is left of the step is solved for again: a step that is cut short, or damped until it
     stays inside, is a wall that no search gets along.
@@ -319,8 +323,8 @@ def step_within(
         Second derivatives.
     moment, x : (n,) array
         Gradient, and where it is.
-    border : (n,) array
-        Largest magnitude of each value.
+    low, high : (n,) array
+        Least and largest value of each.
 
     Returns
     -------
@@ -336,8 +340,8 @@ def step_within(
             move[free] = -np.linalg.solve(normal[np.ix_(free, free)], against)
         except np.linalg.LinAlgError:
             return np.full_like(move, np.inf)
-        beyond = free & (np.abs(x + move) > border)
+        beyond = free & ((x + move > high) | (x + move < low))
         if not beyond.any():
             return move
-        move[beyond] = np.sign(move[beyond]) * border[beyond] - x[beyond]
+        move[beyond] = (np.clip(x + move, low, high) - x)[beyond]
         held |= beyond

@@ -8,7 +8,7 @@ import numpy as np
 
 from iwanjax.effects.estimate import Estimate
 from iwanjax.effects.faults import AbstractAddedFault
-from iwanjax.effects.kinds import ForceKind, JointKind
+from iwanjax.effects.kinds import ForceKind, JointKind, UnnamedKind
 from iwanjax.identification.added import moved, size_of_added, span
 from iwanjax.identification.free_values import free_values, rates
 from iwanjax.identification.joint_priors import joints_of, of_logarithm
@@ -31,6 +31,8 @@ def estimates(problem: HistoryProblem, fitted: HypothesisFit, slot: int) -> tupl
             return math.nan
         return math.sqrt(max(float(known[own.index(value), own.index(value)]), 0.0))
 
+    if isinstance(kind, UnnamedKind):
+        return ()
     if isinstance(kind, JointKind):
         return _of_joint(problem, fitted, kind, deviation)
     if isinstance(kind, AbstractAddedFault):

@@ -202,7 +202,7 @@ def with_stiction(
     )
     other = replace(problem, predictor=predictor, joints=joints, compiled=set(), _process={})
     errors = problem.predictor.errors
-    ends = errors + np.cumsum([len(each.given.parameters) for each in problem.joints])
+    ends = errors + np.cumsum([each.count for each in problem.joints])
     linear, *parts = np.split(z, [errors, *ends[:-1]])
     starts = []
     for theta in thetas:

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.estimation.transforms import share_of, to_value, to_variable
-from iwanjax.joints import AbstractJoint, ParameterInfo
+from iwanjax.joints import AbstractJoint, ParameterInfo, UnnamedLaw
+from iwanjax.joints.unnamed_terms import ELASTIC, TERMS
 from iwanjax.types import Scalar
 
 # Deviations of the joints' parameters about the values that the model was given: of the
@@ -36,13 +37,56 @@ class Joint(eqx.Module):
     given: AbstractJoint
     loose: Array
 
+    @property
+    def parameters(self) -> tuple[ParameterInfo, ...]:
+        """What z moves, where its values have names."""
+        return self.given.parameters
+
+    @property
+    def count(self) -> int:
+        """Length of z."""
+        return len(self.parameters)
+
+    @property
+    def least(self) -> np.ndarray:
+        """Least value of each of z."""
+        return np.full(self.count, -math.inf)
+
     def at(self, z: Array) -> AbstractJoint:
         """The joint at z prior deviations from the given values."""
         values = {
             info.name: _moved(info, getattr(self.given, info.name), self.loose[i] * z[i])
-            for i, info in enumerate(self.given.parameters)
+            for i, info in enumerate(self.parameters)
         }
         return type(self.given)(**values)
+
+
+class FreeLaw(Joint):
+    """A general law whose strengths follow from z: so many of their prior deviations.
+
+    Attributes
+    ----------
+    given : UnnamedLaw
+        With the scales of its motion; its strengths do not count.
+    loose : (terms,) array
+        Prior deviations of the strengths, force.
+    """
+
+    given: UnnamedLaw
+
+    @property
+    def count(self) -> int:
+        """Number of terms."""
+        return len(TERMS)
+
+    @property
+    def least(self) -> np.ndarray:
+        """None but of the spring's: what is negative elsewhere would feed energy."""
+        return np.where(np.arange(self.count) < ELASTIC, -math.inf, 0.0)
+
+    def at(self, z: Array) -> UnnamedLaw:
+        """The law of these strengths."""
+        return self.given.with_strengths(self.loose * z)
 
 
 def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:
@@ -95,14 +139,19 @@ def _deviation(info: ParameterInfo, value: Scalar) -> Scalar:
 
 def parameters_of(joints: Sequence[Joint]) -> int:
     """How many parameters joints have in all."""
-    return sum(len(joint.given.parameters) for joint in joints)
+    return sum(joint.count for joint in joints)
+
+
+def least_of(joints: Sequence[Joint]) -> np.ndarray:
+    """Least value of each of the joints' z."""
+    return np.concatenate([np.zeros(0), *(joint.least for joint in joints)])
 
 
 def joints_at(joints: tuple[Joint, ...], z: Array) -> tuple[AbstractJoint, ...]:
     """All joints at z, whose last values are the parameters of one after the other."""
     if not joints:
         return ()
-    ends = np.cumsum([len(joint.given.parameters) for joint in joints])
+    ends = np.cumsum([joint.count for joint in joints])
     parts = jnp.split(jnp.asarray(z)[-ends[-1] :], ends[:-1])
     return tuple(joint.at(part) for joint, part in zip(joints, parts, strict=True))
 

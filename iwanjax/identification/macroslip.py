@@ -78,7 +78,7 @@ def _by_joint(problem: HistoryProblem, fitted: HypothesisFit) -> list[list[Alter
     z = fitted.theta.mean(axis=0)[:p]
     made, first, found = joints_of(problem.joints, jax.device_put(z)), problem.predictor.errors, []
     for fit, joint in zip(made, problem.joints, strict=True):
-        count = len(joint.given.parameters)
+        count = joint.count
         own = slice(first, first + count)
         first += count
         if not isinstance(fit, Iwan4) or not float(joint.given.beta) > 0:  # type: ignore[attr-defined]

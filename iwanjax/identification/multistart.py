@@ -17,6 +17,7 @@ from iwanjax.identification.free_values import (
     free_values,
     values_measured,
 )
+from iwanjax.identification.joint_priors import least_of
 from iwanjax.identification.linearise import linearise, residuals_at
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 
@@ -176,6 +177,8 @@ def laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray]
     T = np.stack(columns, axis=-1)
     border = np.full(len(x), np.inf)
     border[:p] = SEARCH.farthest
+    least = np.full(len(x), -np.inf)
+    least[problem.predictor.errors : p] = least_of(problem.joints)
     logs = {problem.map.shape(slot) for slot in range(slots)}
     logs |= {
         problem.map.size(slot)
@@ -184,7 +187,7 @@ def laid_out(problem: HistoryProblem, start: Start) -> tuple[Layout, np.ndarray]
     }
     logarithmic = np.zeros(len(x), bool)
     logarithmic[: len(shared)] = [i in logs for i in shared]
-    layout = Layout(np.tile(base, (R, 1)), T, np.array(precision), border, logarithmic)
+    layout = Layout(np.tile(base, (R, 1)), T, np.array(precision), border, least, logarithmic)
     return layout, np.array(x)
 
 

@@ -24,24 +24,25 @@ def test_a_step_stays_inside_and_is_the_best_of_those_that_stop_where_it_stops(s
     root = random.standard_normal((size, size))
     normal = root @ root.T + 0.1 * np.eye(size)
     moment = 5.0 * random.standard_normal(size)
-    x, border = random.uniform(-1.0, 1.0, size), np.full(size, 1.5)
-    move = step_within(normal, moment, x, border)
-    assert np.all(np.abs(x + move) <= 1.5 * (1.0 + 1e-12))
-    free = np.abs(x + move) < 1.5 * (1.0 - 1e-12)
+    x, low, high = random.uniform(-1.0, 1.0, size), np.full(size, -1.2), np.full(size, 1.5)
+    move = step_within(normal, moment, x, low, high)
+    assert np.all((x + move <= 1.5 * (1.0 + 1e-12)) & (x + move >= -1.2 * (1.0 + 1e-12)))
+    free = (x + move < 1.5 * (1.0 - 1e-12)) & (x + move > -1.2 * (1.0 - 1e-12))
     np.testing.assert_allclose((moment + normal @ move)[free], 0.0, atol=1e-8)
 
 
 def test_a_step_without_a_border_is_newtons():
     normal = np.array([[2.0, 0.5], [0.5, 1.0]])
     moment = np.array([1.0, -3.0])
-    move = step_within(normal, moment, np.zeros(2), np.full(2, np.inf))
+    move = step_within(normal, moment, np.zeros(2), np.full(2, -np.inf), np.full(2, np.inf))
     np.testing.assert_allclose(move, -np.linalg.solve(normal, moment))
 
 
 def test_a_border_does_not_stop_the_others():
     """Coupled values: the second one goes on to its best with the first one held."""
     normal = np.array([[1.0, 0.9], [0.9, 1.0]])
-    move = step_within(normal, np.array([-10.0, 0.0]), np.zeros(2), np.array([1.0, np.inf]))
+    high = np.array([1.0, np.inf])
+    move = step_within(normal, np.array([-10.0, 0.0]), np.zeros(2), -high, high)
     np.testing.assert_allclose(move, [1.0, -0.9])
 
 

@@ -1,0 +1,176 @@
+r"""A general law at a place, fitted to recordings beside the joints.
+
+Its strengths are linear in the force, each with a Gaussian prior about zero whose deviation is
+that of its part (spring, dampers, sliders, relaxation), and none but the spring's are negative.
+The search is that of every hypothesis: Gauss-Newton on the innovations of an observer of a longer
+and longer memory, up to the free run. Between memories each part's deviation :math:`s` is set to
+
+.. math:: s^2 = \frac{\sum_i w_i^2}{\sum_i \gamma_i}, \qquad
+          \gamma_i = 1 - \frac{C_{ii}}{s^2}
+
+by its strengths w and their covariance C (MacKay, Neural Computation 4, 1992, Eq. 3.20):
+:math:`\sum\gamma` is how many of them the recordings determine.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.effects.kinds import UnnamedKind
+from iwanjax.identification.joint_priors import FreeLaw
+from iwanjax.identification.likelihood import covariance
+from iwanjax.identification.multistart import HypothesisFit, multistart
+from iwanjax.identification.places import Place
+from iwanjax.identification.problem import HistoryProblem, Start
+from iwanjax.joints import UnnamedLaw
+from iwanjax.joints.unnamed_terms import PARTS, TERMS
+
+# A part's prior deviation changes no more than this in one round, either way: what a short memory
+# does not determine a longer one may.
+_MOST = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class UnnamedFit:
+    """A general law at a place, as fitted.
+
+    Attributes
+    ----------
+    place : Place
+        Where it acts.
+    problem : HistoryProblem
+        With the law as its last joint.
+    fitted : HypothesisFit
+        Joints and law.
+    """
+
+    place: Place
+    problem: HistoryProblem
+    fitted: HypothesisFit
+
+    @property
+    def law(self) -> UnnamedLaw:
+        """The law, its strengths as fitted."""
+        joint, z = self.problem.joints[-1], self.fitted.theta.mean(axis=0)
+        assert isinstance(joint, FreeLaw)
+        own = z[self._own]
+        return joint.at(jax.device_put(np.where(joint.least < 0.0, own, np.maximum(own, 0.0))))
+
+    @property
+    def determined(self) -> np.ndarray:
+        """What the recordings say of each term, 0 (nothing) to 1, (terms,)."""
+        known = np.diag(covariance(self.problem, self.fitted, False))[self._own]
+        joint, z = self.problem.joints[-1], self.fitted.theta.mean(axis=0)[self._own]
+        held = z <= joint.least
+        return np.where(held, 0.0, np.clip(1.0 - known, 0.0, 1.0))
+
+    @property
+    def _own(self) -> slice:
+        last = self.problem.parameters
+        return slice(last - len(TERMS), last)
+
+
+def with_unnamed_law(
+    problem: HistoryProblem, kind: UnnamedKind, place: Place, z: Sequence[np.ndarray]
+) -> tuple[HistoryProblem, list[Start]]:
+    """A general law more at a place, without any force yet, and the search it takes.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Of the model without it.
+    kind : UnnamedKind
+        What to call it.
+    place : Place
+        Where.
+    z : sequence of (parameters,) array
+        Joints to begin with.
+    """
+    seen, kept = place.scales, problem.predictor.kept
+    omega2 = np.asarray(problem.predictor.omega2)
+    moving = omega2 > 0.0
+    flexible = float(np.sum(place.row[:kept][moving] ** 2 / omega2[moving]))
+    # As much force as bends the structure as far as the place has moved.
+    force = seen.deflection / flexible
+    rate = 2.0 * math.pi * seen.deflection / seen.period
+    law = UnnamedLaw.blank(seen.deflection, rate, seen.period)
+    joint = FreeLaw(law, jnp.full(len(TERMS), force))
+    predictor = eqx.tree_at(
+        lambda p: (p.joints, p.stiffness, p.within),
+        problem.predictor,
+        (
+            jnp.concatenate([problem.predictor.joints, jnp.asarray(place.row)[None]]),
+            jnp.append(problem.predictor.stiffness, 0.0),
+            jnp.append(problem.predictor.within, 0.0),
+        ),
+    )
+    other = replace(
+        problem, predictor=predictor, joints=(*problem.joints, joint), compiled=set(), _process={}
+    )
+    hypothesis = replace(other.nothing(), kinds=(kind,), where=(place.label,))
+    none = np.zeros(len(TERMS))
+    return other, [Start(hypothesis, other.map.given(np.concatenate([each, none]))) for each in z]
+
+
+def fit_unnamed_law(
+    problem: HistoryProblem,
+    kind: UnnamedKind,
+    place: Place,
+    z: Sequence[np.ndarray],
+    memories: Sequence[float],
+    steps: int,
+    in_time: Callable[[], bool] = lambda: True,
+) -> UnnamedFit:
+    """The general law at a place, fitted with longer and longer memories of the observer.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Of the model without it.
+    kind : UnnamedKind
+        What to call it.
+    place : Place
+        Where.
+    z : sequence of (parameters,) array
+        Joints to begin with; the best of them is gone on with after the first memory.
+    memories : sequence of float
+        Of the observer, cycles; infinite for the free run.
+    steps : int
+        Of each search, at most.
+    in_time : function
+        False when it is time to stop.
+    """
+    here, starts = with_unnamed_law(problem, kind, place, z)
+    found = None
+    for memory in memories:
+        if found is not None:
+            if not in_time():
+                break
+            found = loosened(found)
+            here, starts = found.problem, [found.fitted.start]
+        fits = multistart(here, starts, memory, steps, in_time=in_time)
+        found = UnnamedFit(place, here, min(fits, key=lambda each: each.cost))
+    assert found is not None
+    return found
+
+
+def loosened(found: UnnamedFit) -> UnnamedFit:
+    """The same fit with each part's prior as wide as its strengths are."""
+    problem, fitted = found.problem, found.fitted
+    joint, determined = problem.joints[-1], found.determined
+    loose, z = np.array(joint.loose), fitted.theta.mean(axis=0)[found._own]
+    factor = np.ones(len(TERMS))
+    for part in PARTS.values():
+        size = math.sqrt(float(np.sum(z[part] ** 2)) / max(float(np.sum(determined[part])), 1e-12))
+        factor[part] = min(max(size, 1.0 / _MOST), _MOST)
+    wider = FreeLaw(joint.given, jax.device_put(loose * factor))
+    rescaled = replace(problem, joints=(*problem.joints[:-1], wider))
+    theta = fitted.theta.copy()
+    theta[:, found._own] /= factor
+    solution = replace(fitted.solution, values=theta)
+    return UnnamedFit(found.place, rescaled, replace(fitted, solution=solution))

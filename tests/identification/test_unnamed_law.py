@@ -1,0 +1,60 @@
+"""The general law in a fit: nothing at no strength, a spring and a damper where these are missing."""
+
+import math
+
+import numpy as np
+import pytest
+from linear_pair import ROWS, C, measured_force, problem, simulated, stiffness_with_joint
+
+from iwanjax.effects.kinds import UnnamedKind
+from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.unnamed_law import fit_unnamed_law, loosened, with_unnamed_law
+from iwanjax.joints.unnamed_terms import ELASTIC, TERMS
+
+NOISE = np.array([0.03, 0.02])
+MORE, DAMPER = 4e3, 6.0
+HITS = ((60.0, 0), (25.0, 1))
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """Two hits of masses with a spring and a damper more at m2 than the model has."""
+    random, row = np.random.default_rng(5), np.outer(ROWS["m2"], ROWS["m2"])
+    stiffness, damping = stiffness_with_joint() + MORE * row, C + DAMPER * row
+    clean = [simulated(p, struck=at, stiffness=stiffness, damping=damping) for p, at in HITS]
+    seen = [y + NOISE * random.standard_normal(y.shape) for y in clean]
+    made, places = problem(seen, [measured_force(*hit) for hit in HITS], NOISE)
+    return made, {each.label: each for each in places}
+
+
+def test_a_law_without_strength_changes_no_residual(pair):
+    made, places = pair
+    z = np.zeros(made.parameters)
+    other, (start,) = with_unnamed_law(made, UnnamedKind(), places["m2"], [z])
+    at = made.nothing(), made.still(made.map.given(z))
+    (without,) = residuals_at(made, [at], 8.0)
+    (with_it,) = residuals_at(other, [(start.hypothesis, other.still(start.theta))], 8.0)
+    np.testing.assert_allclose(with_it, without, atol=1e-7 * np.max(np.abs(without)))
+
+
+def test_a_missing_spring_and_damper_are_the_law_that_is_fitted(pair):
+    made, places = pair
+    place = places["m2"]
+    found = fit_unnamed_law(
+        made, UnnamedKind(), place, [np.zeros(made.parameters)], (2.0, 8.0, math.inf), 12
+    )
+    law, reach = found.law, place.scales.deflection
+    assert all(float(each) >= 0.0 for each in law.strengths[ELASTIC:])
+    d = reach * np.array([-0.9, -0.4, 0.3, 0.8])
+    np.testing.assert_allclose(law.backbone(d), MORE * d, atol=0.05 * MORE * reach)
+    # In the amplitudes and about the rate of the motion itself.
+    omega = 2.0 * math.pi / place.scales.period
+    lost = float(law.dissipation(0.4 * reach, omega=omega))
+    assert lost == pytest.approx(math.pi * DAMPER * omega * (0.4 * reach) ** 2, rel=0.1)
+    # As little is left as the noise leaves of residuals that allow for errors of the model.
+    assert found.fitted.misfit.sum() < np.count_nonzero(made.data.weight)
+    assert 1.0 < found.determined.sum() < len(TERMS)
+    # A prior of another width is another unit of the same law.
+    other = loosened(found)
+    np.testing.assert_allclose(other.law.strengths, law.strengths, rtol=1e-9, atol=1e-12)
+    assert np.any(np.asarray(other.problem.joints[-1].loose) != found.problem.joints[-1].loose)
