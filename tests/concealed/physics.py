@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from concealed.effects import LINEAR, Effect, Force, element
+from concealed.foreign_laws import Law, foreign
 from concealed.structures import Array, Iwan, Structure
 from scipy.linalg import eigh, expm
 
@@ -171,6 +172,7 @@ def march(
 
     elements: list[tuple[int, Force]] = []
     drags: list[tuple[int, Array]] = []
+    others: list[tuple[int, Law]] = []
     for effect in effects:
         law = element(effect, count, dt)
         if law is not None:
@@ -178,6 +180,9 @@ def march(
             places.append(effect.where)
         elif effect.kind == "quadratic_damping":
             drags.append((len(places), effect.each(count)[0]))
+            places.append(effect.where)
+        elif (unnamed := foreign(effect, count, dt)) is not None:
+            others.append((len(places), unnamed))
             places.append(effect.where)
 
     squared, modes = eigh(K, M)
@@ -218,6 +223,8 @@ def march(
         for at, c in drags:
             v = ahead[:, local + at]
             force[:, at] = -c * v * np.abs(v)
+        for at, unnamed in others:
+            force[:, at] = -unnamed(ahead[:, at], ahead[:, local + at])
         base += force @ arrival
         now[:, : 2 * n] = base[:, : 2 * n]
         views[k] = base[:, 2 * n :]

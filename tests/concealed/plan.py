@@ -225,7 +225,7 @@ def _drawn_in(name: str, seed: int, count: int) -> Listed:
     )
 
 
-def _hits(structure: Structure, rng: np.random.Generator) -> tuple[Hit, ...]:
+def blows(structure: Structure, rng: np.random.Generator) -> tuple[Hit, ...]:
     """Three recordings to fit (soft, middle, hard) and two held out (soft, hard), all different."""
     inputs = list(structure.inputs)
     first, second = rng.permutation([inputs[0], inputs[-1]])
@@ -278,7 +278,7 @@ def scattered_joints(structure: Structure, rng: np.random.Generator) -> tuple[di
 def _case(number: int, name: str, wanted: tuple[Wanted, ...]) -> Case:
     structure = STRUCTURES[name]
     rng = np.random.default_rng([20240607, number])
-    hits = _hits(structure, rng)
+    hits = blows(structure, rng)
     true, given = scattered_joints(structure, rng)
     return Case(
         number=number,
