@@ -69,6 +69,21 @@ class PrecisionError(IwanjaxError, RuntimeError):
     """
 
 
+def missing_library(what: str, library: str, extra: str) -> InputError:
+    """The error where a library is not installed that only some users need.
+
+    Parameters
+    ----------
+    what : str
+        What needs it, for the beginning of the message.
+    library, extra : str
+        Its name, and the extra of iwanjax that brings it.
+    """
+    return InputError(
+        f"{what} need {library}, which is not installed; try pip install 'iwanjax[{extra}]'"
+    )
+
+
 def attempted(stage: str, run: Callable[[], T], otherwise: T, failures: list[str]) -> T:
     """What a late stage gives, or what to go on with where it fails.
 

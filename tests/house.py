@@ -42,7 +42,7 @@ MODULES = {
     "quasistatic": 9,
     "report": 3,
     "structures": 40,
-    "studies": 10,
+    "studies": 9,
     "updating": 19,
     "verbs": 9,
 }

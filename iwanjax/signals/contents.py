@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from iwanjax.errors import InputError
-from iwanjax.files import existing_file, read_arrays
 from iwanjax.signals.clipping import clipped_samples
-from iwanjax.signals.columns import read_columns
+from iwanjax.signals.formats import known_file, read_file
 from iwanjax.signals.recording import Channel
 from iwanjax.signals.records import records
 from iwanjax.signals.selection import RawRecording, Selection, told_node
@@ -139,10 +138,10 @@ def file_contents(
         When there is no such file or its extension is unknown, or for a sampling rate that
         is not positive.
     """
-    path = existing_file(path, [".csv"])
+    path = known_file(path)
     selection = Selection(time=time, sampling_rate=sampling_rate)
     try:
-        held = read_columns(path) if path.suffix.lower() == ".csv" else read_arrays(path)
+        held = read_file(path)[1][0].arrays
     except InputError as error:
         return FileContents(path, fault=_without(path, error))
     variables = tuple((name, told_node(node)) for name, node in held.items())

@@ -1,7 +1,7 @@
 """Reading recordings from files."""
 
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Any
 
 from iwanjax.errors import InputError
 from iwanjax.signals.recording import Recording
@@ -9,7 +9,7 @@ from iwanjax.signals.records import Selection, records
 
 
 def read_recordings(
-    path: str | Path,
+    path: Any,
     *,
     variable: str | None = None,
     time: str = "time",
@@ -21,7 +21,7 @@ def read_recordings(
     quantity: str = "",
     unit: str = "",
 ) -> tuple[Recording, ...]:
-    """Read all recordings of a file.
+    """Read all recordings of a file, or of a table of pandas or xarray.
 
     Understood are NumPy ``.npz``, MATLAB ``.mat`` of every version and HDF5 with
 
@@ -30,14 +30,24 @@ def read_recordings(
     * an array or cell of such structs;
     * a cell with one row per recording: time, response, and numbers, which are left out;
 
-    and CSV with a header row: time, and a column per channel.
+    and one recording, or several, of
+
+    * text (``.csv``, ``.txt``) with a row of names, and perhaps one of units, above a column per
+      channel; JSON of columns;
+    * universal files (``.uff``, ``.unv``): data sets 58 and 58b; LabVIEW's ``.lvm`` and ``.tdms``
+      (all of these with the extra ``io``);
+    * MATLAB exports of Test.Lab; one NumPy array (``.npy``); sound (``.wav``).
+
+    Quantities, units, directions and remarks are kept where the file has them.
 
     Parameters
     ----------
-    path : str or Path
-        The file; its extension says how it is read.
+    path : str, Path or table
+        The file; its extension says how it is read. Of a DataFrame, Series, DataArray or Dataset
+        the index, or the first dimension, is the time.
     variable : str, optional
-        The struct, group or cell with the recordings; may be left out where only one has any.
+        The struct, group or cell with the recordings, or the group of a TDMS file; may be left
+        out where only one has any.
     time : str
         Name of the time axis, s. By default also ``t``, ``time_s`` and the like.
     response : str or sequence of str, optional
@@ -46,8 +56,8 @@ def read_recordings(
     force : str or sequence of str, optional
         Names of the forces; by default all that start with ``force``. ``[]`` for none.
     sampling_rate : float, optional
-        Hz; needed where there is no time. A time axis must agree to 1e-3; where its values
-        were only rounded, it is made exact.
+        Hz; needed where the file has neither time nor rate. A time axis must agree to 1e-3; where
+        its values were only rounded, it is made exact.
     channels, inputs : sequence of str, optional
         Names for the columns of response and of force, in their order.
     quantity, unit : str
@@ -78,7 +88,7 @@ def read_recordings(
 
 
 def read_recording(
-    path: str | Path,
+    path: Any,
     index: int | None = None,
     *,
     variable: str | None = None,
@@ -95,7 +105,7 @@ def read_recording(
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or table
         The file.
     index : int, optional
         Which one, counted from 0; may be left out where there is only one.
@@ -120,8 +130,9 @@ def read_recording(
     """
     selection = Selection(time, response, force, sampling_rate, channels, inputs, quantity, unit)
     found = records(path, variable, selection)
+    place = found[0].path if len(found) == 1 else path
     if index is None and len(found) > 1:
         raise InputError(f"{path}: holds {len(found)} recordings; give index=0 to {len(found) - 1}")
     if not 0 <= (index or 0) < len(found):
-        raise InputError(f"{path}: index is {index}; expected 0 to {len(found) - 1}")
+        raise InputError(f"{place}: index is {index}; expected 0 to {len(found) - 1}")
     return found[index or 0].select(selection).recording()

@@ -1,7 +1,8 @@
 """One measurement: the responses of several channels, and the forces, on one time axis."""
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -77,6 +78,8 @@ class Recording(AbstractResult):
         What the columns of ``force`` are.
     name : str
         For messages, for instance ``"hits.mat[3]"``.
+    metadata : dict of str to str
+        What the file says besides: date, operator, rig.
 
     The arrays are float64 and read-only.
 
@@ -104,6 +107,7 @@ class Recording(AbstractResult):
     force: np.ndarray | None = None
     inputs: tuple[Channel, ...] = ()
     name: str = "recording"
+    metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
         try:

@@ -4,12 +4,14 @@ import contextlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from iwanjax.errors import InputError
-from iwanjax.files import Node, Unreadable, existing_file, nearest, read_arrays
-from iwanjax.signals.columns import read_columns
+from iwanjax.files import Node, Unreadable, nearest
+from iwanjax.signals.file_record import FileRecord
+from iwanjax.signals.formats import is_container, read_file
 from iwanjax.signals.selection import (
     RawRecording,
     Selection,
@@ -20,6 +22,8 @@ from iwanjax.signals.selection import (
     select,
     told_node,
 )
+from iwanjax.signals.tabular import table_record
+from iwanjax.signals.testlab import testlab_records
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +40,15 @@ class Record:
         For a row, the cell's name.
     row : int
         For a row, which one, counted from 0.
+    said : FileRecord or None
+        What else the file says of the arrays.
     """
 
     path: Path
     content: Mapping[str, Node] | np.ndarray
     cell: str = ""
     row: int = 0
+    said: FileRecord | None = None
 
     def select(self, selection: Selection) -> RawRecording:
         """The arrays that are selected, in float64 and with time along the first axis.
@@ -55,16 +62,16 @@ class Record:
             content = self.content
             if isinstance(content, np.ndarray):
                 content = _row_fields(content, self.cell, self.row + 1)
-            return select(self.path, content, selection)
+            return select(self.path, self.said or FileRecord(content), selection)
 
 
-def records(path: str | Path, variable: str | None, selection: Selection) -> list[Record]:
+def records(path: Any, variable: str | None, selection: Selection) -> list[Record]:
     """The records of a file.
 
     Parameters
     ----------
-    path : str or Path
-        A ``.csv``, ``.npz``, ``.mat``, ``.h5`` or ``.hdf5`` file.
+    path : str, Path or table
+        A file of any kind that is read, or a table of pandas or xarray.
     variable : str or None
         The struct, group or cell that holds them; found where None.
     selection : Selection
@@ -75,17 +82,34 @@ def records(path: str | Path, variable: str | None, selection: Selection) -> lis
     InputError
         When the file cannot be read, or it is not clear where in it the recordings are.
     """
-    path = existing_file(path, [".csv"])
-    if path.suffix.lower() == ".csv":
-        if variable is not None:
-            raise InputError(
-                f"{path}: variable {variable!r} is asked for, but a CSV file has columns only; "
-                "name them by response="
-            )
-        return [Record(path, read_columns(path))]
-    nodes = read_arrays(path)
+    if not isinstance(path, str | Path):
+        return [_of(Path(type(path).__name__), table_record(path))]
+    path, found = read_file(path)
+    nodes = found[0].arrays if is_container(path) else {}
     with blamed(path):
+        if is_container(path):
+            found = testlab_records(nodes)
+        if found:
+            return _numbered_records(path, found, variable)
         return _records(path, *_holder(nodes, variable, selection))
+
+
+def _of(path: Path, record: FileRecord) -> Record:
+    return Record(path, record.arrays, said=record)
+
+
+def _numbered_records(path: Path, found: list[FileRecord], variable: str | None) -> list[Record]:
+    """Records of a file, or that group of it which is asked for."""
+    if variable is not None:
+        names = [each.name for each in found if each.name]
+        if variable not in names:
+            what = f"groups {', '.join(names)}" if names else "columns only"
+            raise InputError(
+                f"variable {variable!r} is asked for, but the file has {what}; name channels by "
+                f"response={nearest(variable, names)}"
+            )
+        found = [each for each in found if each.name == variable]
+    return [_of(_numbered(path, i, len(found)), each) for i, each in enumerate(found)]
 
 
 @contextlib.contextmanager

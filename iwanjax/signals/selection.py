@@ -10,10 +10,23 @@ import numpy as np
 
 from iwanjax.errors import InputError
 from iwanjax.files import Node, Unreadable, nearest
+from iwanjax.signals.file_record import FileRecord, channel_of, quantity_of
+from iwanjax.signals.labels import (
+    CHANNEL_NAMES,
+    INPUT_NAMES,
+    UNITS,
+    rate_beside,
+    remarks,
+    texts_beside,
+)
 from iwanjax.signals.recording import Channel, Recording, check_time, sampling_rate
 
 # Names of a time axis besides the one that is asked for: t, Time, time_s, time (s), t [s].
-_TIME = re.compile(r"(time|t)([ _]*[(\[]?(s|sec|seconds)[)\]]?)?", re.IGNORECASE)
+_TIME = re.compile(
+    r"(time|t)([ _]*[(\[]?(?P<unit>s|sec|seconds|ms|us|µs|min)[)\]]?)?", re.IGNORECASE
+)
+# What NumPy calls units of time that are no seconds.
+_TIMES = {"ms": "ms", "us": "us", "µs": "us", "min": "m"}
 _QUANTITIES = {
     "acceleration": re.compile(r"(?i:acc(el(eration)?)?)[xyz]?(?![a-z])"),
     "velocity": re.compile(r"(?i:vel(ocity)?)[xyz]?(?![a-z])"),
@@ -53,7 +66,7 @@ class RawRecording:
     ----------
     path : Path
         The file's, with the recording's number: the place that messages name.
-    time, response, force, channels, inputs
+    time, response, force, channels, inputs, metadata
         As in :class:`iwanjax.signals.Recording`.
     """
 
@@ -63,24 +76,33 @@ class RawRecording:
     channels: tuple[Channel, ...]
     force: np.ndarray | None
     inputs: tuple[Channel, ...]
+    metadata: Mapping[str, str]
 
     def recording(self) -> Recording:
         """The checked recording; its faults are told with the file's folder."""
         name = self.path.name
         try:
-            return Recording(self.time, self.response, self.channels, self.force, self.inputs, name)
+            return Recording(
+                self.time,
+                self.response,
+                self.channels,
+                self.force,
+                self.inputs,
+                name,
+                self.metadata,
+            )
         except InputError as error:
             raise InputError(f"{self.path}{str(error).removeprefix(name)}") from None
 
 
-def select(path: Path, fields: Mapping[str, Node], selection: Selection) -> RawRecording:
+def select(path: Path, record: FileRecord, selection: Selection) -> RawRecording:
     """What is selected among named arrays, with time along the first axis.
 
     Parameters
     ----------
     path : Path
         For the result.
-    fields : dict of str to Node
+    record : FileRecord
         Arrays (N,), (N, k), (k, N); among them may be scalars, text and structs.
     selection : Selection
 
@@ -89,6 +111,7 @@ def select(path: Path, fields: Mapping[str, Node], selection: Selection) -> RawR
     InputError
         One line naming the array; not the file.
     """
+    fields = record.arrays
     time_name = _time_name(fields, selection.time)
     taken = {time_name, *listed(selection.response), *listed(selection.force)}
     forces = listed(selection.force)
@@ -96,7 +119,7 @@ def select(path: Path, fields: Mapping[str, Node], selection: Selection) -> RawR
         forces = [
             name
             for name, node in fields.items()
-            if name.lower().startswith("force") and name not in taken and is_series(node)
+            if _is_force(name, record) and name not in taken and is_series(node)
         ]
     responses = listed(selection.response)
     if selection.response is None:
@@ -104,21 +127,49 @@ def select(path: Path, fields: Mapping[str, Node], selection: Selection) -> RawR
     if not responses:
         raise InputError(f"no response; {held(fields)}; name it by response=")
     arrays = {name: _array(fields, name) for name in (*responses, *forces)}
-    time = _time(fields, time_name, arrays[responses[0]], selection)
+    time = _time(record, time_name, arrays[responses[0]], selection)
     response, names = _stacked(arrays, responses, time)
-    labels = _renamed(names, selection.channels, "channels", "response")
+    beside = texts_beside(fields, CHANNEL_NAMES, len(names)) if len(responses) == 1 else None
+    labels = _renamed(names, selection.channels or beside, "channels", "response")
+    units = texts_beside(fields, UNITS, len(names)) if len(responses) == 1 else None
+    if units is None or any("," in unit for unit in units):  # of all channels in one text
+        units = [""] * len(names)
     channels = tuple(
-        Channel(label, selection.quantity or _quantity(name) or _quantity(label), selection.unit)
-        for name, label in zip(names, labels, strict=True)
+        _channel(name, label, unit, record, selection)
+        for name, label, unit in zip(names, labels, units, strict=True)
     )
+    metadata = {**remarks(fields), **record.metadata}
     if not forces:
         if selection.inputs:
             raise InputError(f"inputs names {len(selection.inputs)} forces but none is there")
-        return RawRecording(path, time, response, channels, None, ())
+        return RawRecording(path, time, response, channels, None, (), metadata)
     force, names = _stacked(arrays, forces, time)
-    labels = _renamed(names, selection.inputs, "inputs", "force")
-    return RawRecording(
-        path, time, response, channels, force, tuple(Channel(label, "force") for label in labels)
+    beside = texts_beside(fields, INPUT_NAMES, len(names)) if len(forces) == 1 else None
+    labels = _renamed(names, selection.inputs or beside, "inputs", "force")
+    inputs = tuple(
+        Channel(label, "force", said.unit, said.direction)
+        for label, said in zip(labels, (_said(name, record) for name in names), strict=True)
+    )
+    return RawRecording(path, time, response, channels, force, inputs, metadata)
+
+
+def _is_force(name: str, record: FileRecord) -> bool:
+    said = record.channels.get(name)
+    return name.lower().startswith("force") or (said is not None and said.quantity == "force")
+
+
+def _said(name: str, record: FileRecord) -> Channel:
+    """What the file says of a channel, by its name; a unit in brackets at its end counts."""
+    return record.channels.get(name) or channel_of(name)
+
+
+def _channel(name: str, label: str, unit: str, record: FileRecord, selection: Selection) -> Channel:
+    """A response: what is asked for, else what the file says, else what its name tells."""
+    said = _said(name, record)
+    known = selection.quantity or said.quantity or _quantity(name) or _quantity(label)
+    # A unit that is asked for is a label, that of the file says what was measured.
+    return Channel(
+        label, known or quantity_of(unit), selection.unit or unit or said.unit, said.direction
     )
 
 
@@ -200,10 +251,12 @@ def _array(fields: Mapping[str, Node], name: str) -> np.ndarray:
 
 
 def _time(
-    fields: Mapping[str, Node], name: str | None, response: np.ndarray, selection: Selection
+    record: FileRecord, name: str | None, response: np.ndarray, selection: Selection
 ) -> np.ndarray:
-    rate = selection.sampling_rate
+    fields = record.arrays
+    rate = selection.sampling_rate or record.sampling_rate
     if name is None:
+        rate = rate or rate_beside(fields)
         if rate is None:
             raise InputError(
                 f"no array {selection.time!r}; {held(fields)}; name it by time=, or give "
@@ -219,8 +272,17 @@ def _time(
     array = _array(fields, name)
     if max(array.shape) != array.size:
         raise InputError(f"{name} has shape {array.shape}; expected one axis, (N,)")
-    time = array.ravel().astype(np.float64)
+    time = array.ravel().astype(np.float64) * _seconds(name, record)
     return time if rate is None else _reconciled(time, rate)
+
+
+def _seconds(name: str, record: FileRecord) -> float:
+    """Seconds of the time axis's unit, which its name or the file may say."""
+    in_name = _TIME.fullmatch(name)
+    unit = (in_name["unit"] if in_name else None) or (
+        record.channels[name].unit if name in record.channels else ""
+    )
+    return float(np.timedelta64(1, _TIMES.get(unit.lower(), "s")) / np.timedelta64(1, "s"))
 
 
 def _reconciled(time: np.ndarray, rate: float) -> np.ndarray:

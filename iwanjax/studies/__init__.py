@@ -5,10 +5,10 @@ study does not need.
 """
 
 from iwanjax.config import Measurement
+from iwanjax.signals.tabular import as_recording
 from iwanjax.studies.measured import Hit, MeasuredMode
 from iwanjax.studies.results import StudyResults
 from iwanjax.studies.study import Study, load_study
-from iwanjax.studies.tables import as_recording
 
 __all__ = [
     "Hit",

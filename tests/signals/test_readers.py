@@ -136,8 +136,16 @@ def test_columns_of_a_csv_file(tmp_path):
         lambda text: text.replace(",", " \t "),
         lambda text: text.replace("time", '"time"').replace("acc", '"acc"'),
         lambda text: text + "\n\n",
+        lambda text: text.replace(",", ";").replace(".", ","),
+        lambda text: text.replace("\n", ",\n"),
+        lambda text: text.replace("\n", ",\n", 1),
+        lambda text: "Operator: N. N.\nRig: 1, left\n\n" + text,
+        lambda text: text.replace("acc\n", "acc\ns,m/s^2\n"),
     ],
-    ids=["byte order mark", "hash", "Windows", "semicolons", "tabs", "quotes", "blank lines"],
+    ids=[
+        *("byte order mark", "hash", "Windows", "semicolons", "tabs", "quotes", "blank lines"),
+        *("decimal commas", "empty last column", "separator after the names", "remarks", "units"),
+    ],
 )
 def test_dialects_of_csv(tmp_path, change):
     path = tmp_path / "hit.csv"
@@ -220,7 +228,7 @@ BAD_CSV = {
     "cell too few": (f"time,a,b\n{ROW}0.2,1\n", ["csv:3: ", "2 cells", "3", "cut short"]),
     "cell too many": (f"time,a,b\n{ROW}0.2,1,2,3\n", ["csv:3: ", "4 cells"]),
     "all too long": (f"time,a\n{ROW}{ROW}", ["csv:2: ", "3 cells", "2", "time, a"]),
-    "decimal comma": ("time;a\n0,1;2\n", ["csv:2: ", "'0,1'", "decimal points"]),
+    "decimal comma": ('time,a\n0.1,2\n"0,1",2\n', ["csv:3: ", "'0,1'", "decimal points"]),
     "comment": (f"time,a,b\n{ROW}# end\n", ["csv:3: ", "1 cells"]),
     "no header": (ROW * 3, ["csv:1: ", "numbers only", "names"]),
     "nameless": (f"time,,b\n{ROW}", ["csv:1: ", "column 2 has no name"]),
@@ -245,7 +253,7 @@ def test_a_fault_in_csv_names_its_line_and_column(tmp_path, content, words):
 def test_csv_that_is_no_text(tmp_path):
     path = tmp_path / "hit.csv"
     path.write_bytes(b"time,a\n0.1,\xff\xfe\n")
-    check_refused(lambda: read_recording(path), [str(path), "UTF-8"])
+    check_refused(lambda: read_recording(path), [f"{path}:2: column 'a' holds 'ÿþ'"])
     path.write_bytes(b"time,a\n0.1,\x00\n")
     check_refused(lambda: read_recording(path), [str(path)])
     write(path, rows({"time": TIME, "a": ACC[:, 0]}))
@@ -363,9 +371,9 @@ def test_a_file_cut_short(tmp_path, suffix):
 def test_files_that_are_none(tmp_path):
     check_refused(lambda: read_recording(tmp_path / "a.npz"), ["does not exist", ".csv"])
     check_refused(lambda: read_recording(tmp_path), ["is a folder"])
-    path = tmp_path / "hit.wav"
+    path = tmp_path / "hit.doc"
     path.write_bytes(b"RIFF")
-    check_refused(lambda: read_recording(path), ["'.wav'", ".csv, .npz, .mat, .h5 or .hdf5"])
+    check_refused(lambda: read_recording(path), ["'.doc'", ".csv", ".npz, .mat, .h5 or .hdf5"])
     np.savez(tmp_path / "o.npz", time=TIME, response=np.array([None], dtype=object))
     check_refused(lambda: read_recording(tmp_path / "o.npz"), ["response holds pickled"])
 

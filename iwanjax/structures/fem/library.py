@@ -3,7 +3,7 @@
 import importlib
 from types import ModuleType
 
-from iwanjax.errors import InputError
+from iwanjax.errors import missing_library
 
 
 def skfem() -> ModuleType:
@@ -17,7 +17,4 @@ def skfem() -> ModuleType:
     try:
         return importlib.import_module("skfem")
     except ImportError:
-        raise InputError(
-            "finite element models need scikit-fem, which is not installed; try "
-            "pip install 'iwanjax[fem]'"
-        ) from None
+        raise missing_library("finite element models", "scikit-fem", "fem") from None

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from iwanjax.errors import InputError
-from iwanjax.signals import Channel, Recording
+from iwanjax.signals.file_record import FileRecord, channel_of
+from iwanjax.signals.recording import Channel, Recording
 
 
 class _Table(NamedTuple):
@@ -88,6 +89,46 @@ def as_recording(
     push = _named(_table(force, "force", name), inputs, "inputs", "f", name)
     acting = tuple(Channel(each, "force") for each in push.names or ())
     return Recording(time, motion.values, channels, push.values, acting, name)
+
+
+def table_record(given: Any) -> FileRecord:
+    """A table of pandas or xarray as a record: its columns by name, its index as time.
+
+    Parameters
+    ----------
+    given : DataFrame, Series, DataArray or Dataset
+        Of xarray, ``units`` in the attributes are kept, and all others as metadata.
+
+    Raises
+    ------
+    InputError
+        For anything else, which :func:`as_recording` takes with its names beside it.
+    """
+    name = type(given).__name__
+    attributes = {str(key): value for key, value in getattr(given, "attrs", {}).items()}
+    parts = {"": given}
+    if hasattr(given, "data_vars"):  # of xarray, several arrays
+        parts = {str(key): value for key, value in given.data_vars.items()}
+    arrays: dict[str, np.ndarray] = {}
+    channels = {}
+    for label, part in parts.items():
+        if not (hasattr(part, "dims") or hasattr(part, "index")):
+            raise InputError(
+                f"{name}: expected a path, or a table of pandas or xarray; as_recording takes "
+                "arrays, with names and rate beside them"
+            )
+        table = _table(part, label or "table", name)
+        own = label or str(getattr(part, "name", "") or "response")
+        single = table.names is None and table.values.shape[1] == 1
+        names = table.names or tuple(f"{own}[{i}]" for i in range(table.values.shape[1]))
+        unit = str(getattr(part, "attrs", {}).get("units", ""))
+        for each, column in zip((own,) if single else names, table.values.T, strict=True):
+            arrays[each] = column
+            channels[each] = channel_of(each, unit)
+        if table.time is not None:
+            arrays = {"time": table.time} | arrays
+    remarks = {key: str(value) for key, value in attributes.items() if key != "units"}
+    return FileRecord(arrays, channels, metadata=remarks)
 
 
 def _table(given: Any, what: str, name: str) -> _Table:
