@@ -76,13 +76,16 @@ def read_table(path: Path) -> FileRecord:
         or repeated, cells that are empty or no numbers, rows of another length, no rows.
     """
     try:
-        lines = decoded(path).splitlines()
+        text = decoded(path)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    lines = text.splitlines()
     try:
         layout = _layout(path, lines)
+        if not text.endswith(("\n", "\r")):
+            _refuse_cut(path, lines, layout)
         values = _values(path, lines, layout)
     except csv.Error as error:
         raise InputError(f"{path}: not CSV ({error}); export it again as text") from None
@@ -100,6 +103,13 @@ def _values(path: Path, lines: Sequence[str], layout: _Layout) -> np.ndarray:
     rows = lines[layout.first :]
     if layout.spare:
         empty = layout.spare * layout.delimiter
+        ended = [row.rstrip(" ").endswith(empty) or not row.strip() for row in rows]
+        if not all(ended):
+            line = layout.first + ended.index(False) + 1
+            raise InputError(
+                f"{path}:{line}: the row does not end in {empty!r}, as the others do; is the file "
+                "cut short?"
+            )
         rows = [row.rstrip(" ").removesuffix(empty) for row in rows]
     try:
         with warnings.catch_warnings():
@@ -118,6 +128,17 @@ def _values(path: Path, lines: Sequence[str], layout: _Layout) -> np.ndarray:
     if values.shape[1] != len(layout.names):
         raise _culprit(path, rows, layout, "rows and header differ in length")
     return values
+
+
+def _refuse_cut(path: Path, lines: Sequence[str], layout: _Layout) -> None:
+    """Refuse a last number, without an end of its line, that has fewer digits than all above it."""
+    above = [line for line in lines[layout.first : -1] if line.strip()]
+    if above:
+        shortest = min(len(line.rpartition(layout.delimiter)[2]) for line in above)
+        if len(lines[-1].rpartition(layout.delimiter)[2]) < shortest:
+            raise InputError(
+                f"{path}:{len(lines)}: the last row ends early; is the file cut short?"
+            )
 
 
 def _layout(path: Path, lines: Sequence[str]) -> _Layout:

@@ -25,9 +25,12 @@ def read_lvm(path: Path) -> list[FileRecord]:
         Where lvm-read is not installed, and for a file that is cut short or none of LabVIEW's,
         not naming the file.
     """
-    lines = decoded(path).splitlines(keepends=True)
+    text = decoded(path)
+    lines = text.splitlines(keepends=True)
     if not lines or not lines[0].startswith(_FIRST_LINE):
         raise InputError(f"does not begin with {_FIRST_LINE!r}; export it again from LabVIEW")
+    if not text.endswith("\n"):
+        raise InputError("the last row does not end; is the file cut short?")
     named = [line for line in lines[:20] if line.startswith("Separator")]
     comma = any(line.rstrip("\r\n").endswith("Comma") for line in named)
     held = _lvm_read().read_lines(lines, separator="," if comma else "\t")
