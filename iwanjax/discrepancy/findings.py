@@ -36,13 +36,40 @@ class MeasuredNoise(NamedTuple):
     deviation, std : float
         Standard deviation, and that of its estimate: zero where the study gives it.
     source : str
-        Where it was told: as given, before the force, between periods, or in quiet bands.
+        How it was estimated: as given, before the force, between periods, over the whole band,
+        one step ahead, or in quiet bands.
+    lower, upper : float
+        Deviations between which it is. Where they differ, what is above the lower one may be noise
+        that passes through the structure, or what no linear model does; noise floors are lower
+        bounds then.
     """
 
     recording: str
     sensor: str
     deviation: float
     std: float
+    source: str
+    lower: float
+    upper: float
+
+
+class ForceNoise(NamedTuple):
+    """What was taken for the noise of a measured force in a recording.
+
+    Attributes
+    ----------
+    recording, input : str
+        Their names.
+    deviation : float or None
+        Standard deviation; None where nothing shows it. It counts as none in noise floors then,
+        which are lower bounds.
+    source : str
+        As given, beside its pulses, between periods, in quiet bands, or not known.
+    """
+
+    recording: str
+    input: str
+    deviation: float | None
     source: str
 
 

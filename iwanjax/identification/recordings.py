@@ -2,57 +2,30 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
 from iwanjax.signals.noise import (
-    CHANCE,
     NoiseLevel,
     at_rest,
     between_periods,
-    exceeded,
-    in_quiet_bands,
     of_rounding,
     period_of,
 )
+from iwanjax.signals.sensor_noise import (
+    BEFORE_FORCE,
+    BETWEEN_PERIODS,
+    GIVEN,
+    OUTRIGHT,
+    SensorNoise,
+    along_motion,
+    in_quiet_bands,
+    louder,
+)
 from iwanjax.types import Initial
-
-GIVEN, BEFORE_FORCE = "as given", "before the force"
-BETWEEN_PERIODS, QUIET_BANDS = "between periods", "in quiet bands"
-
-
-class SensorNoise(NamedTuple):
-    """Noise of a recording's sensors, and where that was told.
-
-    Attributes
-    ----------
-    deviation : (sensors,) array
-        Standard deviation.
-    freedom : (sensors,) array
-        Degrees of freedom of its square; infinite where the study gives it.
-    source : tuple of str
-        Of each sensor: as given, before the force, between periods, or in quiet bands.
-    """
-
-    deviation: np.ndarray
-    freedom: np.ndarray
-    source: tuple[str, ...]
-
-    def where(self, better: np.ndarray, other: "SensorNoise") -> "SensorNoise":
-        """The other one's where that is better, (sensors,)."""
-        return SensorNoise(
-            np.where(better, other.deviation, self.deviation),
-            np.where(better, other.freedom, self.freedom),
-            tuple(np.where(better, other.source, self.source).tolist()),
-        )
-
-    @classmethod
-    def of(cls, level: NoiseLevel, source: str) -> "SensorNoise":
-        """All of one source."""
-        return cls(*level, (source,) * len(level.deviation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +244,7 @@ def with_noise(
         own = noise_of(each, settings)
         before = np.array([source == BEFORE_FORCE for source in own.source])
         better = np.isfinite(common.deviation) & (before | (common.deviation < own.deviation))
-        own = _rounded(own.where(better, common), each)
+        own = own.where(better, common).at_least(of_rounding(each.response.astype(float)))
         told += _contradictions(each, own, known, sensors, settings)
         found.append(replace(each, noise=own.where(np.isfinite(given), known)))
     return found, told
@@ -286,16 +259,15 @@ def _contradictions(
 ) -> list[str]:
     """Where noise is louder than another way of telling it allows; quiet bands may hold motion."""
     found = []
-    measured, quiet = _outright(recording, settings), in_quiet(recording, settings)
-    motion = louder(measured, quiet, settings.coloured) if measured else ()
-    for i in np.flatnonzero(motion).tolist():
-        assert measured is not None
+    quiet = in_quiet(recording, settings)
+    measured, moved = _outright(recording, settings) or (quiet, np.zeros(len(sensors), bool))
+    for i in np.flatnonzero(moved).tolist():
         found.append(
             f"{recording.name}: {measured.source[i]} {sensors[i]} shows {measured.deviation[i]:.2g}"
-            f", but {quiet.deviation[i]:.2g} in quiet bands, which is taken for its noise: hum, or "
-            "motion, is in the former"
+            f", but {quiet.deviation[i]:.2g} in quiet bands: hum, or motion, is in the former, and "
+            f"its noise is taken {own.source[i]}, {own.deviation[i]:.2g}"
         )
-    bound = np.array([source == QUIET_BANDS for source in own.source])
+    bound = np.array([source not in OUTRIGHT for source in own.source])
     # Where no motion is it is the same noise, whatever its colour.
     allowed = np.where(bound, settings.coloured, np.sqrt(settings.flat))
     more, less = louder(known, own, allowed), louder(own, known, allowed) & ~bound
@@ -314,48 +286,52 @@ def noise_of(
 
     Before its force, where nothing moves yet and it is long enough, and between the periods of a
     steady cycle: all that is not motion, of any colour. Else, and where that is louder than
-    coloured noise may be, in quiet bands. At least what rounding to a converter's steps makes of
-    it.
+    coloured noise may be, along the motion
+    (:func:`~iwanjax.signals.sensor_noise.along_motion`). At least what rounding to a
+    converter's steps makes of it.
     """
-    found, measured = in_quiet(recording, settings), _outright(recording, settings)
-    if measured is not None:
-        found = found.where(~louder(measured, found, settings.coloured), measured)
-    return _rounded(found, recording)
-
-
-def _rounded(found: SensorNoise, recording: StudyRecording) -> SensorNoise:
-    """At least what rounding leaves."""
-    least = of_rounding(recording.response.astype(float))
-    return found._replace(deviation=np.maximum(found.deviation, least))
-
-
-def _outright(recording: StudyRecording, settings: ConditioningSettings) -> SensorNoise | None:
-    """Noise where no motion is, or where it is known to repeat; None where that is nowhere."""
-    quiet, period = recording.quiet, recording.period
-    if len(quiet) >= settings.enough:
-        return SensorNoise.of(at_rest(quiet), BEFORE_FORCE)
-    if period is None or recording.force is None:
-        return None
-    response, force = (x.astype(float) for x in (recording.response, recording.force))
-    return SensorNoise.of(between_periods(response, force, period), BETWEEN_PERIODS)
-
-
-def louder(one: SensorNoise, other: SensorNoise, allowed: np.ndarray | float) -> np.ndarray:
-    """Whether noise is more than chance and so many times another estimate, (sensors,)."""
-    chance = exceeded(one.freedom, other.freedom, CHANCE)
-    return one.deviation > allowed * np.sqrt(chance) * other.deviation
+    measured, least = _outright(recording, settings), of_rounding(recording.response.astype(float))
+    if measured is None:
+        return along_motion(*_cleaned(recording, settings), settings).at_least(least)
+    found, moved = measured
+    if np.any(moved):
+        found = found.where(moved, along_motion(*_cleaned(recording, settings), settings))
+    return found.at_least(least)
 
 
 def in_quiet(
     recording: StudyRecording, settings: ConditioningSettings = CONDITIONING
 ) -> SensorNoise:
     """Noise of a recording's sensors in quiet bands, whatever the structure and its forces do."""
-    force = recording.force
-    level = in_quiet_bands(
-        recording.response.astype(float),
-        None if force is None else cleaned(force.astype(float), settings=settings).clean,
-        bands=settings.noise_bands,
-        values=settings.noise_values,
-        flat=settings.flat,
-    )
-    return SensorNoise.of(level, QUIET_BANDS)
+    return in_quiet_bands(*_cleaned(recording, settings), settings)
+
+
+def _cleaned(
+    recording: StudyRecording, settings: ConditioningSettings
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """A recording's response, and its forces without their noise beside pulses."""
+    response, force = recording.response.astype(float), recording.force
+    if force is None:
+        return response, None
+    return response, cleaned(force.astype(float), settings=settings).clean
+
+
+def _outright(
+    recording: StudyRecording, settings: ConditioningSettings
+) -> tuple[SensorNoise, np.ndarray] | None:
+    """Noise where no motion is, or where it is known to repeat; None where that is nowhere.
+
+    And of which sensors it is not: what is louder than coloured noise may be beside quiet bands,
+    unless it is the same in all periods of a cycle.
+    """
+    quiet, period = recording.quiet, recording.period
+    sensors = recording.response.shape[1]
+    if len(quiet) >= settings.enough:
+        found, steady = SensorNoise.of(at_rest(quiet), BEFORE_FORCE), np.zeros(sensors, bool)
+    elif period is None or recording.force is None:
+        return None
+    else:
+        response, force = (x.astype(float) for x in (recording.response, recording.force))
+        level, steady = between_periods(response, force, period)
+        found = SensorNoise.of(level, BETWEEN_PERIODS)
+    return found, louder(found, in_quiet(recording, settings), settings.coloured) & ~steady

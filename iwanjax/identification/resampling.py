@@ -172,7 +172,7 @@ def at_rate(
     if force is not None:
         force = filtered(force, "constant" if at_rest else before)[kept]
     noise = noise_of(known).where(~np.isnan(given), as_given(given))
-    noise = noise._replace(deviation=noise.deviation * math.sqrt(new / rate))
+    noise = noise.times(math.sqrt(new / rate))
     return replace(known, response=response[kept], force=force, noise=noise)
 
 

@@ -48,6 +48,10 @@ class ConditioningSettings:
         Times the variance of quieter bands that noise may have in another quiet one: 3 dB. Of the
         laboratory's white noise 95 of a hundred are then at most 1.30 times too high; with half of
         it 1.22 times, with twice 1.63 times, and noise that is half pink 0.78 to 0.82 of it.
+    lags : int
+        Samples of the past by which a linear predictor foretells the next: two for each mode at
+        least, and the more the less white noise in them leaves uncertain (at 20 its one-step error
+        is 1.02 to 1.16 of the noise, at 40 1.00 to 1.07).
     coloured : float
         Root mean square of all that shows without motion over that in quiet bands, up to which it
         is noise: sensors' own noise rises towards low frequencies.
@@ -84,6 +88,7 @@ class ConditioningSettings:
     noise_bands: int = 20
     noise_values: int = 50
     flat: float = 2.0
+    lags: int = 40
     coloured: float = 3.0
     repeats: float = 0.1
     other_noise: float = 4.6

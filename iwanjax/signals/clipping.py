@@ -1,6 +1,7 @@
 """Finding overloads: samples that rest at a signal's extremes."""
 
 import numpy as np
+from jaxtyping import Bool
 
 from iwanjax.errors import InputError
 from iwanjax.types import ArrayLike
@@ -13,7 +14,12 @@ _NOISE = 2.0
 
 
 def clipped_samples(x: ArrayLike) -> int:
-    r"""How many samples of a signal are clipped.
+    """How many samples of a signal are clipped (:func:`clipped`)."""
+    return int(np.sum(clipped(x)))
+
+
+def clipped(x: ArrayLike) -> Bool[np.ndarray, " N"]:
+    r"""Which samples of a signal are clipped.
 
     A clipped signal arrives at its limit with speed and rests there. So does the crest of a
     slow signal in coarse counts, but it arrives slowly: while L samples stay within q, the
@@ -28,20 +34,20 @@ def clipped_samples(x: ArrayLike) -> int:
 
     Returns
     -------
-    int
-        Samples in runs of at least three equal ones at the largest or the smallest value.
+    (N,) array of bool
+        Those in runs of at least three equal ones at the largest or the smallest value.
     """
     x = np.asarray(x, dtype=np.float64).ravel()
+    found = np.zeros(x.shape, dtype=bool)
     finite = x[np.isfinite(x)]
     if finite.size < _SHORTEST_RUN or np.ptp(finite) == 0.0:
-        return 0
+        return found
     spread = np.min(np.diff(np.unique(finite))) + _NOISE * _deviation(finite)
     largest = np.max(np.abs(finite))
-    return sum(
-        _clipped_above(side, spread)
-        for side in (x, -x)
-        if np.max(side[np.isfinite(side)]) >= _EXTREME * largest
-    )
+    for side in (x, -x):
+        if np.max(side[np.isfinite(side)]) >= _EXTREME * largest:
+            found |= _clipped_above(side, spread)
+    return found
 
 
 def _deviation(x: np.ndarray) -> float:
@@ -52,7 +58,7 @@ def _deviation(x: np.ndarray) -> float:
     return float(np.median(np.abs(np.diff(x, 6))) / (0.6745 * np.sqrt(924.0)))
 
 
-def _clipped_above(x: np.ndarray, spread: float) -> int:
+def _clipped_above(x: np.ndarray, spread: float) -> np.ndarray:
     """Samples in clipped runs at the largest value; within ``spread`` samples may look equal."""
     top = np.max(x[np.isfinite(x)])
     edges = np.diff(np.concatenate([[False], x == top, [False]]).astype(int))
@@ -60,15 +66,18 @@ def _clipped_above(x: np.ndarray, spread: float) -> int:
     lengths = last - first + 1
     long = lengths >= _SHORTEST_RUN
     first, last, lengths = first[long], last[long], lengths[long]
-    clipped = np.zeros(lengths.shape, dtype=bool)
+    deep = np.zeros(lengths.shape, dtype=bool)
     for m in (1, lengths):
         # Beyond the ends of the signal, and where it has no value, nothing falls.
         before = np.where(first >= m, x[np.maximum(first - m, 0)], top)
         after = np.where(last + m < x.size, x[np.minimum(last + m, x.size - 1)], top)
         fall = top - np.fmin(before, after)
         # Half a count more, for what rounding adds.
-        clipped |= fall > spread * (((lengths + 2 * m) / (lengths - 1)) ** 2 + 0.5)
-    return int(np.sum(lengths[clipped]))
+        deep |= fall > spread * (((lengths + 2 * m) / (lengths - 1)) ** 2 + 0.5)
+    edges = np.zeros(x.size + 1, dtype=int)
+    edges[first[deep]] += 1
+    edges[last[deep] + 1] -= 1
+    return np.cumsum(edges)[:-1] > 0
 
 
 def refuse_clipped(decay: np.ndarray) -> None:

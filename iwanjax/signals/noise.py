@@ -1,10 +1,11 @@
-"""Noise of sensors in recordings of any kind, told from what a structure and its forces do.
+"""Noise of sensors in recordings of any kind, separated from what a structure and its forces do.
 
-A response is smooth over a few neighbouring frequencies, and so is what a force makes of it, each
-by its own smooth factor; noise is not. What such factors cannot explain is noise wherever the
-structure is linear, whether it is at rest at the ends of the record or not, and whether the force
-is a hit, a sweep, random or none (local polynomial method: Pintelon and Schoukens, System
-Identification, 2nd ed. 2012, section 7.2).
+Over a few neighbouring frequencies a response, and what a force makes of it, follows a ratio of
+two polynomials of low degree, a mode however sharp with them; noise does not. What such ratios
+cannot explain is noise wherever the structure is linear, whether it is at rest at the ends of the
+record or not, and whether the force is a hit, a sweep, random or none (local polynomial method:
+Pintelon and Schoukens, System Identification, 2nd ed. 2012, section 7.2; local rational method:
+McKelvey and Guérin, 16th IFAC Symposium on System Identification 2012).
 """
 
 from typing import NamedTuple
@@ -14,8 +15,8 @@ from jaxtyping import Float
 
 from iwanjax.signals.comparison_band import END
 
-# Of the polynomials, as in Pintelon and Schoukens.
-_DEGREE = 2
+# Of the polynomials, as in Pintelon and Schoukens; two poles to a piece are one mode, or two.
+_DEGREE, _POLES = 2, 2
 CHANCE = 0.01
 """What one of a hundred records of noise alone would show is no noise."""
 
@@ -26,7 +27,7 @@ class NoiseLevel(NamedTuple):
     Attributes
     ----------
     deviation : (sensors,) array
-        Standard deviation.
+        Standard deviation: that of white noise with as much power in the band that is compared.
     freedom : (sensors,) array
         Degrees of freedom of its square, whose relative variance is 2 over it.
     """
@@ -36,7 +37,7 @@ class NoiseLevel(NamedTuple):
 
 
 class Unexplained(NamedTuple):
-    """What smooth factors leave of a spectrum, piece by piece from low to high frequencies.
+    """What local models leave of a spectrum, piece by piece from low to high frequencies.
 
     Attributes
     ----------
@@ -51,22 +52,34 @@ class Unexplained(NamedTuple):
 
 
 def unexplained(
-    response: Float[np.ndarray, "N sensors"], force: Float[np.ndarray, "N inputs"] | None
+    response: Float[np.ndarray, "N sensors"],
+    force: Float[np.ndarray, "N inputs"] | None,
+    *,
+    ringing: bool = True,
 ) -> Unexplained:
-    r"""Spectra less what a smooth motion and smooth answers to forces explain.
+    r"""Spectra less what a smooth or ringing motion and answers to forces explain.
 
     In each piece of the discrete spectrum, :math:`x` from -1 to 1 over it,
 
-    .. math:: Y = \sum_{i} F_i \sum_{r \le 2} a_{ir} x^r + \sum_{r \le 2} b_r x^r + E
+    .. math::
 
-    is fitted by least squares; the second sum is what moved at the ends of the record.
+        (1 + d_1 x + d_2 x^2)\, Y
+            = \sum_{i} F_i \sum_{r \le 2} a_{ir} x^r + \sum_{r \le 2} b_r x^r + D E
+
+    is fitted by least squares, where D is the bracket on the left; the last sum is what moved at
+    the ends of the record. D is 1 but where that leaves more than chance would: at a mode. The
+    variance of E is that of what is left over the mean of :math:`|D|^2`: exact where E is flat
+    over the piece, too low by what a mode amplifies in it where the noise has passed through the
+    structure.
 
     Parameters
     ----------
     response : (N, sensors) array
-        Any offset.
+        Any offset; NaN throughout for a sensor that is lacking.
     force : (N, inputs) array or None
         Inputs that are zero throughout count for nothing.
+    ringing : bool
+        Whether a mode may ring that noise could be confused with; D is 1 everywhere if not.
 
     Returns
     -------
@@ -75,11 +88,11 @@ def unexplained(
     """
     N = len(response)
     acting = np.zeros((N, 0)) if force is None else force[:, np.any(force != 0, axis=0)]
-    if 2 * (_DEGREE + 1) * (1 + acting.shape[1]) > int(END * N):
-        # Too short to tell what the forces do.
+    if 2 * _unknowns(acting, ringing) > int(END * N):
+        # Too short to separate what the forces do.
         acting = acting[:, :0]
-    unknowns = (_DEGREE + 1) * (1 + acting.shape[1])
-    # Half of the values tell the noise.
+    unknowns = _unknowns(acting, ringing)
+    # Half of the values show the noise.
     size = 2 * unknowns
     count = int(END * N) // size
     Y, F = (
@@ -87,14 +100,42 @@ def unexplained(
         np.fft.rfft(x, axis=0)[1 : 1 + count * size].reshape(count, size, -1)
         for x in (response, acting)
     )
-    x = np.linspace(-1.0, 1.0, size)[:, None] ** np.arange(_DEGREE + 1)
-    scaled = F / np.sqrt(np.mean(np.abs(F) ** 2, axis=1, keepdims=True) + np.finfo(float).tiny)
-    answers = np.einsum("bki,kr->bkir", scaled, x).reshape(count, size, -1)
-    columns = np.concatenate([np.broadcast_to(x, (count, *x.shape)), answers], axis=2)
+    x = np.linspace(-1.0, 1.0, size)[:, None] ** np.arange(max(_DEGREE, _POLES) + 1)
+    own = np.broadcast_to(x[:, : _DEGREE + 1], (count, size, _DEGREE + 1))
+    answers = np.einsum("bki,kr->bkir", _of_unit_size(F), own[0]).reshape(count, size, -1)
+    columns = np.concatenate([own, answers], axis=2)
     Q = np.linalg.qr(columns)[0]
-    left = Y - Q @ (Q.conj().swapaxes(1, 2) @ Y)
-    freedom = size - unknowns
-    return Unexplained(np.sum(np.abs(left) ** 2, axis=1) / (N * freedom), 2 * freedom)
+    freedom, smooth = size - unknowns, size - columns.shape[2]
+    left = np.sum(np.abs(Y - Q @ (Q.conj().swapaxes(1, 2) @ Y)) ** 2, axis=1) / smooth
+    if ringing:
+        more = exceeded(2 * smooth, 2 * freedom, CHANCE)
+        for i in np.flatnonzero(np.all(np.isfinite(Y), axis=(0, 1))):
+            ring = _beside_modes(Y[:, :, i], columns, x[:, 1 : _POLES + 1]) / freedom
+            left[:, i] = np.where(left[:, i] > more * ring, ring, left[:, i])
+    return Unexplained(left / N, 2 * freedom)
+
+
+def _unknowns(acting: np.ndarray, ringing: bool) -> int:
+    """Of each piece."""
+    return (_DEGREE + 1) * (1 + acting.shape[1]) + _POLES * ringing
+
+
+def _of_unit_size(values: np.ndarray) -> np.ndarray:
+    """Spectra, (pieces, frequencies, ...), over their root mean square in each piece."""
+    mean = np.mean(np.abs(values) ** 2, axis=1, keepdims=True)
+    return values / np.sqrt(mean + np.finfo(float).tiny)
+
+
+def _beside_modes(y: np.ndarray, columns: np.ndarray, powers: np.ndarray) -> np.ndarray:
+    """Sum of squares that modes leave of one sensor, over the mean of |D|^2, (pieces,)."""
+    unit, size = _of_unit_size(y), np.mean(np.abs(y) ** 2, axis=1)
+    Q, R = np.linalg.qr(np.concatenate([columns, unit[:, :, None] * powers], axis=2))
+    along = Q.conj().swapaxes(1, 2) @ unit[:, :, None]
+    left = np.sum(np.abs(unit - (Q @ along)[:, :, 0]) ** 2, axis=1)
+    # The poles' own part of the triangle: their coefficients by themselves.
+    d = np.linalg.pinv(R[:, -_POLES:, -_POLES:]) @ along[:, -_POLES:]
+    D = 1.0 - d[:, :, 0] @ powers.T
+    return size * left / np.mean(np.abs(D) ** 2, axis=1)
 
 
 def exceeded(one: np.ndarray | float, other: np.ndarray | float, share: float) -> np.ndarray:
@@ -114,19 +155,43 @@ def exceeded(one: np.ndarray | float, other: np.ndarray | float, share: float) -
     return fdtri(np.minimum(one, sure), np.minimum(other, sure), 1.0 - share)
 
 
-def in_quiet_bands(
+class NoiseInBands(NamedTuple):
+    """Noise of sensors that are never at rest.
+
+    Attributes
+    ----------
+    quiet : NoiseLevel
+        Where the structure does least: a lower bound of coloured noise, and an upper bound where a
+        structure that is not linear moves at all frequencies.
+    whole : NoiseLevel
+        All that is not explained: an upper bound, and the noise itself where ``smooth``.
+    smooth : (sensors,) array of bool
+        Whether no band stands out of the others, as modes do and noise does not.
+    """
+
+    quiet: NoiseLevel
+    whole: NoiseLevel
+    smooth: np.ndarray
+
+
+def in_bands(
     response: Float[np.ndarray, "N sensors"],
     force: Float[np.ndarray, "N inputs"] | None,
     *,
     bands: int,
     values: int,
     flat: float,
-) -> NoiseLevel:
-    """Noise of sensors that are never at rest: where the structure does least by itself.
+) -> NoiseInBands:
+    r"""Noise of sensors that are never at rest, by what is not explained in bands.
 
     The quietest band alone would be too low by chance; it is pooled with those that are no louder
-    than noise may be there. What is not linear, or too sharp for :func:`unexplained`, is above
-    that in the other bands. Where it is in all of them this is an upper bound.
+    than noise may be there. What is not linear is above that in the other bands. Noise of a
+    sensor and its amplifier is white, or rises towards low frequencies by no more than
+
+    .. math:: S(f) \le S(g)\, \max(1, g^2/f^2)
+
+    (drift that is an integral of white noise), beyond chance and 3 dB. Where all bands agree with
+    all others in that, all of it is noise of some colour: no mode stands out.
 
     Parameters
     ----------
@@ -143,10 +208,28 @@ def in_quiet_bands(
     pieces = len(left.variance)
     count = min(bands, max(1, pieces * left.freedom // values))
     parts = np.array_split(np.arange(pieces), count)
-    level = np.sort([np.mean(left.variance[part], axis=0) for part in parts], axis=0)
+    level = np.array([np.mean(left.variance[part], axis=0) for part in parts])
+    each = left.freedom * pieces / count
+    middle = np.array([np.mean(part) + 0.5 for part in parts])
+    rises = np.maximum(1.0, middle / middle[:, None]) ** 2
+    # Each is compared with each.
+    allowed = max(float(exceeded(each, each, CHANCE / count**2)), flat)
+    smooth = np.all(level[:, None] <= allowed * rises[:, :, None] * level, axis=(0, 1))
+    whole = NoiseLevel(np.sqrt(np.mean(level, axis=0)), each * _as_many(level))
+    return NoiseInBands(_quietest(level, each, flat), whole, smooth)
+
+
+def _as_many(square: np.ndarray) -> np.ndarray:
+    """Of how many equal ones a mean of squares, (parts, ...), is as sure (Satterthwaite 1946)."""
+    return np.sum(square, axis=0) ** 2 / np.sum(square**2, axis=0)
+
+
+def _quietest(level: np.ndarray, each: float, flat: float) -> NoiseLevel:
+    """Variances of bands, (bands, sensors), pooled as long as they are alike."""
+    count = len(level)
+    level = np.sort(level, axis=0)
     known = np.arange(1, count + 1)
     pooled = np.cumsum(level, axis=0) / known[:, None]
-    each = left.freedom * pieces / count
     chance = exceeded(each, each * known[:-1], CHANCE / count)
     louder = level[1:] > np.maximum(chance, flat)[:, None] * pooled[:-1]
     louder = np.vstack([louder, np.ones_like(level[:1], dtype=bool)])
@@ -187,9 +270,25 @@ def _without_lines(x: np.ndarray) -> tuple[np.ndarray, int]:
     return x, count
 
 
+class NoiseBetweenPeriods(NamedTuple):
+    """Noise of a steady cycle.
+
+    Attributes
+    ----------
+    level : NoiseLevel
+        Of the sensors.
+    steady : (sensors,) array of bool
+        Whether later changes are as large as earlier ones: none of them is a motion that dies
+        away. Of two periods there is one change, which does not say.
+    """
+
+    level: NoiseLevel
+    steady: np.ndarray
+
+
 def between_periods(
     response: Float[np.ndarray, "N sensors"], force: Float[np.ndarray, "N inputs"], period: int
-) -> NoiseLevel:
+) -> NoiseBetweenPeriods:
     r"""Noise of a steady cycle: what changes from each of P periods to the next.
 
     .. math:: \sigma^2 = \frac{1}{2 (P-1)} \sum_p |E_{p+1} - E_p|^2
@@ -209,11 +308,21 @@ def between_periods(
     changes = (
         np.diff(x[: count * period].reshape(count, period, -1), axis=0) for x in (response, force)
     )
-    left = [unexplained(y, f) for y, f in zip(*changes, strict=True)]
-    deviation = np.sqrt(0.5 * np.mean([each.variance for each in left], axis=(0, 1)))
-    values = left[0].freedom * len(left[0].variance)
+    left = [unexplained(y, f, ringing=False) for y, f in zip(*changes, strict=True)]
+    variance = np.stack([each.variance for each in left])
+    square = np.mean(variance, axis=1)
+    # By as many values as the loudest modes, which noise may have passed through, leave.
+    values = left[0].freedom * _as_many(np.mean(variance, axis=0))
     freedom = values * 2.0 * (count - 1) ** 2 / (3 * count - 4)
-    return NoiseLevel(deviation, np.full(response.shape[1], freedom))
+    level = NoiseLevel(np.sqrt(0.5 * np.mean(square, axis=0)), freedom)
+    half = len(square) // 2
+    if not half:
+        return NoiseBetweenPeriods(level, np.zeros(response.shape[1], bool))
+    early, late = np.mean(square[:half], axis=0), np.mean(square[-half:], axis=0)
+    # As sure as one frequency of each piece makes it: a mode may amplify no more of it.
+    sure = values * half / left[0].freedom * 2
+    steady = early <= exceeded(sure, sure, CHANCE) * late
+    return NoiseBetweenPeriods(level, steady)
 
 
 def period_of(force: Float[np.ndarray, "N inputs"], repeats: float, least: int) -> int:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from iwanjax.identification.recordings import SensorNoise, StudyRecording, noise_of, with_noise
+from iwanjax.identification.recordings import StudyRecording, noise_of, with_noise
+from iwanjax.signals.sensor_noise import SensorNoise
 
 N, BEFORE, S = 4000, 200, 0.01
 SENSORS = ("a1", "a2")
@@ -78,7 +79,7 @@ def test_motion_before_a_force_is_told_and_is_no_noise():
     assert level.source == ("in quiet bands", "before the force")
     np.testing.assert_allclose(level.deviation, [S, 3.0 * S], rtol=0.4)
     assert line.startswith("late: before the force a1 shows")
-    assert "in quiet bands, which is taken" in line
+    assert "its noise is taken in quiet bands" in line
 
 
 def test_what_the_study_gives_is_taken_and_checked():

