@@ -12,6 +12,7 @@ from jaxtyping import Float
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.dynamics.parabolic_hold import hold
 from iwanjax.errors import InputError
+from iwanjax.identification.lasting_forces import noise_of_lasting
 from iwanjax.identification.observer import state_at_beginning
 from iwanjax.identification.predictor import Data, Predictor
 from iwanjax.identification.recordings import (
@@ -65,6 +66,8 @@ class MeasuredForces:
         Whether a recording begins in motion, so that its first sample counts.
     cut : (recordings,) array of bool
         Whether a force goes on beyond its recording and is not known to repeat.
+    noise : (recordings, inputs) array
+        Standard deviation of the noise of those that act throughout.
     modal : ModalCoordinates
         With the rows of the inputs.
     settings : ConditioningSettings
@@ -74,6 +77,7 @@ class MeasuredForces:
     clean: Float[np.ndarray, "recordings N inputs"]
     moving: np.ndarray
     cut: np.ndarray
+    noise: Float[np.ndarray, "recordings inputs"]
     modal: ModalCoordinates
     settings: ConditioningSettings
 
@@ -134,6 +138,7 @@ def conditioned(
     )
     beside = settings.ringing if cycles > settings.high else settings.beside
     at_end, cut = _at_end(made, modal), np.zeros(len(recordings), bool)
+    lasting = np.zeros((len(recordings), forces.shape[2]))
     for i, each in enumerate(recordings):
         require_usable(each, settings)
         response, lacking = each.response.astype(float), ~each.measured
@@ -149,6 +154,8 @@ def conditioned(
             kick[min(force.last + 1, len(response) - 1)] = 1.0
             # A force that does not end with its recording goes on, but is not known to repeat.
             cut[i] = force.endless and each.initial != "periodic"
+            if force.endless:
+                lasting[i] = noise_of_lasting(force.clean, settings)
             push[: len(response)] = _pushed(made, at_end, force.clean, bool(cut[i]), settings)
             if each.moving:
                 # Accelerations follow the force at once, at the first sample too.
@@ -186,7 +193,9 @@ def conditioned(
     names = tuple(each.name for each in recordings)
     which = np.arange(count) % len(rows)
     moving = np.array([each.moving for each in recordings])
-    acted = MeasuredForces(forces[which], moving[which], cut[which], modal, settings)
+    acted = MeasuredForces(
+        forces[which], moving[which], cut[which], lasting[which], modal, settings
+    )
     return ConditionedRecordings(
         names, data, np.stack(noises), np.stack(freedoms), tuple(warnings), acted
     )

@@ -123,12 +123,13 @@ def _inverse_root(A: np.ndarray) -> np.ndarray:
 
 
 def left_by_noise(problem: HistoryProblem) -> float:
-    """Squared residual that the sensors' noise alone leaves.
+    """Squared residual that noise alone leaves: of the sensors, and of forces that last.
 
-    Weights allow for errors of the model too, so that it is less than the number of samples.
+    Weights allow for errors of the model too, so that the former is less than the number of
+    samples.
     """
     weight = np.asarray(problem.data.weight)
-    return float(np.sum((OF_NOISE * problem.noise * weight) ** 2))
+    return float(np.sum((OF_NOISE * problem.noise * weight) ** 2)) + problem.driven
 
 
 def scale(problem: HistoryProblem, fitted: HypothesisFit, unsure: float = 0.0) -> float:

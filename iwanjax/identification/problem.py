@@ -142,6 +142,9 @@ class HistoryProblem:
         Tuned numbers of all stages.
     forces : MeasuredForces, optional
         That act in the data; without them none can be faulty.
+    driven : float
+        Squared residual that the noise of forces leaves which act throughout, with the memory that
+        fits are compared at.
     compiled : set of (str, int, int)
         Kernels that there are already, for how many slots and samples.
     """
@@ -153,6 +156,7 @@ class HistoryProblem:
     order: tuple[int, ...]
     settings: HistorySettings = field(default=HISTORIES, repr=False)
     forces: MeasuredForces | None = field(default=None, repr=False)
+    driven: float = 0.0
     compiled: set[tuple[str, int, int]] = field(default_factory=set, repr=False)
     _process: dict[float, float] = field(default_factory=dict, repr=False)
 
@@ -194,6 +198,7 @@ class HistoryProblem:
             predictor=predictor,
             data=other.data,
             forces=other.forces,
+            driven=other.driven,
             compiled=set(),
             _process={},
         )

@@ -10,7 +10,8 @@ from iwanjax.discrepancy.histories.score_test import Candidate, score_test
 from iwanjax.effects.kinds import Kind
 from iwanjax.estimation.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
 from iwanjax.estimation.settings import SEARCH
-from iwanjax.identification.likelihood import UNSURE, Evidence, evidence, scale
+from iwanjax.identification.free_values import values_measured
+from iwanjax.identification.likelihood import UNSURE, Evidence, evidence, left_by_noise, scale
 from iwanjax.identification.multistart import HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
@@ -200,8 +201,9 @@ def ranked(base: RankedFit, entries: Sequence[RankedFit]) -> tuple[RankedFit, li
     values = _granted(base, same, table)
     # Rivals are told apart by what the best of them leaves, its own errors included. That nothing
     # is missing is held against the noise: a poor fit is no reason to ask for more evidence.
-    noise = table.at(base.problem, [base.fitted, *(e.fitted for e in same)], 1.0)
-    strict = _granted(base, same, noise) if table.temperature > 1.0 else values
+    least = max(1.0, left_by_noise(base.problem) / values_measured(base.problem))
+    noise = table.at(base.problem, [base.fitted, *(e.fitted for e in same)], least)
+    strict = _granted(base, same, noise) if table.temperature > least else values
     gain = float(strict[1:].max() - strict[0]) if same else 0.0
     behind = values[1:] - values[1:].max() + min(gain, 0.0) if same else values[1:]
     first = [replace(e, behind=float(b)) for e, b in zip(same, behind, strict=True)]

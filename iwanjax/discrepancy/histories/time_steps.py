@@ -18,6 +18,7 @@ from iwanjax.identification.conditioning import (
     directions_of,
     usual_noise,
 )
+from iwanjax.identification.force_noise import mean_and_scatter, moved_by_force_noise
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.likelihood import left_by_noise
 from iwanjax.identification.linearise import innovations
@@ -237,6 +238,10 @@ class StepRefinement:
         data = sides.fitted.data
         forces = sides.fitted.forces
         problem = HistoryProblem(by, self.joints, data, noise, sides.order, self.settings, forces)
+        draws = self.settings.conditioning.force_draws
+        moved = moved_by_force_noise(problem, *_given(problem), TIME_CONSTANT, draws)
+        if len(moved):
+            problem = replace(problem, driven=float(np.sum(mean_and_scatter(moved)[0])))
         return Refined(sides, problem, modal)
 
 

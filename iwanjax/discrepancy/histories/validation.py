@@ -12,6 +12,7 @@ from iwanjax.discrepancy.histories.ranking import RankedFit, doubted, missing, r
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.judgement import worse
 from iwanjax.identification.conditioning import ConditionedRecordings
+from iwanjax.identification.force_noise import mean_and_scatter, moved_by_force_noise
 from iwanjax.identification.free_values import drifting_values, elapsed, free_values, rates
 from iwanjax.identification.likelihood import covariance
 from iwanjax.identification.linearise import linearise, residuals_at
@@ -42,9 +43,9 @@ class FreeRun(NamedTuple):
     unsure : (recordings,) array
         The same of what the fitted recordings leave open of the parameters: linearised, and of
         where macroslip begins.
-    estimated : (recordings, sensors) array
-        Deviation of each sensor's part of ``noise``, as its noise was estimated. One sensor's
-        error counts as the same in all recordings.
+    estimated : (recordings, sensors + 1) array
+        Deviation of each sensor's part of ``noise``, as its noise was estimated, and of that of
+        forces that last. One sensor's error counts as the same in all recordings.
     """
 
     names: tuple[str, ...]
@@ -190,6 +191,17 @@ def _free(
     alone = np.sum(over_pairs(compared, CORRELATION**2) * variance**2, axis=1)
     both = np.sum(over_pairs(kicked, CORRELATION) * variance[:, None, :], axis=(1, 2))
     scatter = 2.0 * (alone + 2.0 * both + np.sum(gram**2, axis=(1, 2)))
+    # The same of forces that act throughout.
+    draws = problem.settings.conditioning.force_draws
+    driven = moved_by_force_noise(here, fitted.hypothesis, rows, math.inf, draws)
+    driven = driven[:, :count] / safe
+    doubt = np.zeros(count)
+    if len(driven):
+        mean, of_mean = mean_and_scatter(driven)
+        beside = np.sum(over_pairs(driven, CORRELATION) * variance, axis=2).mean(axis=0)
+        own, scatter = own + mean, scatter + of_mean + 4.0 * beside
+        doubt = np.sqrt(of_mean / len(driven))
+    estimated = np.column_stack([estimated, doubt])
     known, slopes = _open(problem, fitted, places, np.asarray(seen.slopes)[:count])
     slopes = slopes / safe[:, None]
     open_to = np.einsum("rins,rjns->rij", slopes, slopes)

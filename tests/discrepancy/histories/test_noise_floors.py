@@ -6,12 +6,24 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from linear_pair import RATE, M, N, hit, measured_force, model, simulated
+from linear_pair import (
+    QUANTITIES,
+    RATE,
+    C,
+    M,
+    N,
+    hit,
+    measured_force,
+    model,
+    simulated,
+    stiffness_with_joint,
+)
 
 from iwanjax.discrepancy.histories.validation import FreeRun, free_run
 from iwanjax.effects.catalogue import CATALOGUE
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.conditioning import ConditionedRecordings, conditioned
+from iwanjax.identification.lasting_forces import noise_of_lasting
 from iwanjax.identification.multistart import multistart
 from iwanjax.identification.predictor import predictor
 from iwanjax.identification.problem import HistoryProblem, Start
@@ -176,17 +188,54 @@ class Hits:
         self, known: np.ndarray, told: SensorNoise | None = None
     ) -> ConditionedRecordings:
         response = self.clean + self.noise * self.random.standard_normal((N, 2))
-        force = measured_force(PEAK, at=AT) + self.force_noise * self.random.standard_normal((N, 2))
-        recording = StudyRecording("rec", response, force, noise=told)
+        recording = StudyRecording("rec", response, self.acting(), noise=told)
         return conditioned([recording], self.by, self.modal, known, N, 1, 6)
+
+    def acting(self) -> np.ndarray:
+        """The force as measured."""
+        return measured_force(PEAK, at=AT) + self.force_noise * self.random.standard_normal((N, 2))
 
     def run(self, known: np.ndarray, told: SensorNoise | None = None) -> FreeRun:
         """Of the model as it is, with nothing fitted."""
         seen = self.conditioned(known, told)
-        problem = HistoryProblem(self.by, (), seen.data, self.noise, (0,), compiled=self.compiled)
+        problem = HistoryProblem(
+            self.by,
+            (),
+            seen.data,
+            self.noise,
+            (0,),
+            forces=seen.forces,
+            compiled=self.compiled,
+        )
         start = Start(problem.nothing(), problem.map.given())
         (fitted,) = multistart(problem, [start], math.inf, 0)
         return free_run(problem, fitted, [], [(seen, (0,))])
+
+
+class Shaken(Hits):
+    """Random force on the first mass from rest on, within a band, to the end of the recording.
+
+    The response is exact: that to one long cycle, at whose end all is still again.
+    """
+
+    def __init__(self, quantity: str, force_noise: float) -> None:
+        super().__init__(quantity, force_noise)
+        count, random = 2**17, np.random.default_rng(7)
+        t, f = np.arange(count) / RATE, np.fft.rfftfreq(count, 1.0 / RATE)
+        lines = random.standard_normal((len(f), 2)) @ [1.0, 1.0j]
+        wave = np.fft.irfft(np.where((f > 20.0) & (f < 100.0), lines, 0.0), count)
+        # On within a tenth of a second; off, as smoothly, after what is recorded.
+        rise = 0.5 * (np.tanh((t - 0.05) / 0.01) - np.tanh((t - 0.6) / 0.01))
+        force = PEAK * wave * rise / np.max(np.abs(wave * rise))
+        s = 2j * np.pi * f[:, None, None]
+        answer = np.linalg.solve(s**2 * M + s * C + stiffness_with_joint(), np.eye(2)[0])
+        power = QUANTITIES[quantity]
+        moved = np.fft.irfft(s[:, 0] ** power * answer * np.fft.rfft(force)[:, None], count, axis=0)
+        self.clean, self.force = moved[:N], np.stack([force[:N], np.zeros(N)], axis=1)
+        self.noise = 1e-3 * np.std(self.clean, axis=0)
+
+    def acting(self) -> np.ndarray:
+        return self.force + self.force_noise * self.random.standard_normal((N, 2))
 
 
 UNKNOWN = np.full(2, np.nan)
@@ -206,6 +255,32 @@ def test_the_floor_is_what_a_right_model_leaves(quantity, force_noise):
         values = 2 * (N - 2 * HALF) * 2.0 * END
         expected = math.sqrt(2.0 / values + 0.5 * 2.0 / BEFORE)
         assert np.std(shares) == pytest.approx(expected, rel=0.35)
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_the_floor_holds_what_the_noise_of_a_lasting_force_leaves(quantity):
+    """Of the sensors' noise alone a right model would be refuted."""
+    shaken, draws = Shaken(quantity, 0.004 * PEAK), CONDITIONING.force_draws
+    runs = [shaken.run(shaken.noise) for _ in range(12)]
+    shares = np.array([each.relative**2 / each.floor**2 for each in runs])
+    # The floor is the mean of so many draws of the same.
+    deviation = np.std(shares) * math.sqrt(1.0 / len(runs) + 1.0 / draws)
+    assert np.mean(shares) == pytest.approx(1.0, abs=3.0 * deviation)
+    quiet = Shaken(quantity, 0.0).run(shaken.noise)
+    assert all(each.floor > 3.0 * quiet.floor for each in runs)
+
+
+def test_noise_of_a_lasting_force_is_told_where_it_excites_nothing():
+    random = np.random.default_rng(8)
+    force = Shaken("velocity", 0.0).force
+    found = [
+        noise_of_lasting(force + 0.2 * random.standard_normal((N, 2)) * (force != 0.0))[0]
+        for _ in range(100)
+    ]
+    assert np.mean(found) == pytest.approx(0.2, rel=0.05)
+    # One that fills all bands, or an input that does not act, tells nothing.
+    white = random.standard_normal((N, 2)) * np.array([1.0, 0.0])
+    np.testing.assert_array_equal(noise_of_lasting(white), 0.0)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ N = 1000
 SEARCH = SimpleNamespace(
     data=SimpleNamespace(weight=np.ones((1, N, 1))),
     noise=np.array([1.0]),
+    driven=0.0,
     predictor=None,
     settings=HISTORIES,
 )
