@@ -15,8 +15,10 @@ from iwanjax.discrepancy.findings import (
     RestoringForce,
     Score,
     Suspect,
+    UnnamedForce,
 )
 from iwanjax.discrepancy.judgement import Verdict
+from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.effects.wording import noun, sentence, share, sizes
 from iwanjax.results import AbstractResult
 from iwanjax.settings.stages import settings
@@ -75,9 +77,10 @@ class Diagnosis(AbstractResult):
     model : JointedStructure or None
         The structure with its joints refitted and, where something is missing, with it: ready to
         simulate. None for curves and loops, and where it could not be built.
-
     noise : tuple of MeasuredNoise
         What was taken for the noise of each sensor in each recording; none for curves and loops.
+    unnamed : UnnamedForce or None
+        The force that no name fits, where one was fitted.
 
     Examples
     --------
@@ -116,6 +119,7 @@ class Diagnosis(AbstractResult):
     modes: tuple[Refitted, ...] = field(default=(), repr=False)
     model: JointedStructure | None = field(default=None, repr=False)
     noise: tuple[MeasuredNoise, ...] = field(default=(), repr=False)
+    unnamed: UnnamedForce | None = field(default=None, repr=False)
 
     @property
     def detected(self) -> bool:
@@ -200,12 +204,29 @@ class Diagnosis(AbstractResult):
                 f"(probability {self.probability_nothing_missing:.2f} that nothing is)",
                 off,
             ]
+        if self.unnamed is not None:
+            return [*self._general(self.unnamed), off]
         if not self.complete:
             return ["Undecided: something is missing, and there was no time to find out what", off]
         return [
             "Undecided: something is missing, and nothing that was tried explains it "
             f"(probability {self.probability_something_else:.2f} that it is something else)",
             off,
+        ]
+
+    def _general(self, force: UnnamedForce) -> list[str]:
+        """What a force does that no name fits, and the names that come nearest."""
+        (entry,) = [each for each in self.what if each.kind.name == UnnamedKind.name]
+        name, probability = next(iter(force.nearest.items()), ("", 0.0))
+        near = (
+            f"The nearest name is {name} (probability {probability:.2f})"
+            if probability > settings().judgement.likely
+            else "No name comes near"
+        )
+        return [
+            f"{sentence(entry.kind, entry.where)}: {force.description} "
+            f"(probability {entry.probability:.2f} that something acts there)",
+            near,
         ]
 
     def _floor(self) -> str:
@@ -224,7 +245,7 @@ class Diagnosis(AbstractResult):
         if not self.what:
             return []
         after, before = share(self._of(self.after)), share(self._of(self.before))
-        if self.verdict.found:
+        if self.verdict.found or self.unnamed is not None:
             it = "them" if len(self.found) > 1 else "it"
             return [
                 f"With {it}, {self._which} recordings are predicted to {after} (refitted model "

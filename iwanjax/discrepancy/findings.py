@@ -8,6 +8,7 @@ import numpy as np
 
 from iwanjax.effects.estimate import Estimate
 from iwanjax.effects.kinds import Kind
+from iwanjax.joints import UnnamedLaw
 from iwanjax.settings.stages import settings
 
 
@@ -132,6 +133,41 @@ class RestoringForce:
     spread: np.ndarray = field(repr=False)
     deviation: np.ndarray = field(repr=False)
     laws: dict[str, np.ndarray] = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class UnnamedForce:
+    """A force that no name fits: the general law that makes it, and what that is like.
+
+    Attributes
+    ----------
+    where : str
+        Label of its place.
+    law : UnnamedLaw
+        As fitted: a joint, with ``save()``.
+    description : str
+        What it does, in words.
+    nearest : dict of str to float
+        Named kinds with the probability that the law is one of them; what is missing to 1 is that
+        it is none.
+    terms : float
+        How many of its terms the recordings determine.
+    path : (2, N) array
+        Deflection and force in the recording of the largest deflection.
+    backbone : (2, points) array
+        Virgin curve: deflections as far as it was fitted, and forces.
+    deviation : (points,) array
+        Of the forces of the virgin curve.
+    """
+
+    where: str
+    law: UnnamedLaw
+    description: str
+    nearest: dict[str, float]
+    terms: float
+    path: np.ndarray = field(repr=False)
+    backbone: np.ndarray = field(repr=False)
+    deviation: np.ndarray = field(repr=False)
 
 
 class Prediction(Protocol):

@@ -161,6 +161,53 @@ def judged(
     )
 
 
+def beside_general_law(verdict: Verdict, named: Misfit, general: Misfit) -> Verdict:
+    r"""The verdict where a general law, with no name, was fitted as well.
+
+    The names lose what the general law says against them: by the share of the misfit of the best
+    of them (or of the model without any) that it leaves, they are no more than neighbours of the
+    truth, as :func:`judged` has it.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        On the names.
+    named : Misfit
+        With the best of them.
+    general : Misfit
+        With the general law.
+    """
+    kept = _neighbouring(named, general)
+    names = tuple(kept * each for each in verdict.named)
+    name = _named(verdict.nothing, names)
+    return Verdict(
+        name,
+        _detected(name, verdict.misfit),
+        verdict.nothing,
+        max(0.0, 1.0 - verdict.nothing - sum(names)),
+        names,
+        verdict.misfit,
+    )
+
+
+def acting(verdict: Verdict, before: Misfit, general: Misfit, placed: float) -> float:
+    """Probability that something acts where a general law was fitted.
+
+    That something is missing, that it is there of all places that were tried, and that it is all
+    there is: a law elsewhere takes away less of the misfit.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        With the general law.
+    before, general : Misfit
+        Without the law and with it.
+    placed : float
+        Probability of the place among those that were tried.
+    """
+    return (1.0 - verdict.nothing) * placed * (1.0 - _neighbouring(before, general))
+
+
 class Whole(NamedTuple):
     """The verdict on several parts: modes, joints.
 

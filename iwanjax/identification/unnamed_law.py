@@ -69,6 +69,19 @@ class UnnamedFit:
         held = z <= joint.least
         return np.where(held, 0.0, np.clip(1.0 - known, 0.0, 1.0))
 
+    def onward(
+        self, memories: Sequence[float], steps: int, in_time: Callable[[], bool] = lambda: True
+    ) -> "UnnamedFit":
+        """The fit gone on with, with longer memories; arguments as :func:`fit_unnamed_law`."""
+        found = self
+        for memory in memories:
+            if not in_time():
+                break
+            begun = loosened(found)
+            (fit,) = multistart(begun.problem, [begun.fitted.start], memory, steps, in_time=in_time)
+            found = UnnamedFit(self.place, begun.problem, fit)
+        return found
+
     @property
     def _own(self) -> slice:
         last = self.problem.parameters
@@ -146,17 +159,9 @@ def fit_unnamed_law(
         False when it is time to stop.
     """
     here, starts = with_unnamed_law(problem, kind, place, z)
-    found = None
-    for memory in memories:
-        if found is not None:
-            if not in_time():
-                break
-            found = loosened(found)
-            here, starts = found.problem, [found.fitted.start]
-        fits = multistart(here, starts, memory, steps, in_time=in_time)
-        found = UnnamedFit(place, here, min(fits, key=lambda each: each.cost))
-    assert found is not None
-    return found
+    fits = multistart(here, starts, memories[0], steps, in_time=in_time)
+    found = UnnamedFit(place, here, min(fits, key=lambda each: each.cost))
+    return found.onward(memories[1:], steps, in_time)
 
 
 def loosened(found: UnnamedFit) -> UnnamedFit:

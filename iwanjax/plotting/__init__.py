@@ -16,6 +16,7 @@ from iwanjax.plotting.diagnosis import (
     plot_places,
     plot_prediction,
     plot_restoring,
+    plot_unnamed,
 )
 from iwanjax.plotting.explained import plot_explained
 from iwanjax.plotting.fit import plot_fit, plot_study_fit
@@ -60,6 +61,7 @@ __all__ = [
     "plot_shapes",
     "plot_strokes",
     "plot_transient",
+    "plot_unnamed",
 ]
 
 # By name: their modules load the optimisers and emcee, which other figures do not need.

@@ -252,3 +252,47 @@ def plot_restoring(diagnosis: Diagnosis) -> Figure:
     ax.set_ylabel("Missing force (model's unit)")
     ax.legend(loc="best")
     return figure
+
+
+@paper_style()
+def plot_unnamed(diagnosis: Diagnosis) -> Figure:
+    """A force that no name fits, over the deflection of its place.
+
+    In the recording of the largest deflection, with the virgin curve; the band holds that at 95 %,
+    if the model is right elsewhere.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Result of :func:`iwanjax.diagnose`, with a law that has no name.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    InputError
+        Where no such law was fitted.
+    """
+    found = diagnosis.unnamed
+    if found is None:
+        raise InputError("plot_unnamed: no general law was fitted; the verdict has a name or none")
+    figure, ax = plt.subplots(figsize=(SINGLE_COLUMN, 2.8), layout="constrained")
+    set_up(ax)
+    ax.plot(*found.path, color="0.6", linewidth=0.5, label="in the hardest recording")
+    d, force = found.backbone
+    ax.fill_between(
+        d,
+        force - 2.0 * found.deviation,
+        force + 2.0 * found.deviation,
+        color=PALETTE[0],
+        alpha=0.25,
+        linewidth=0.0,
+    )
+    ax.plot(d, force, color=PALETTE[0], linewidth=1.4, label="virgin curve, 95 %")
+    ax.set_xlabel(f"Deflection of {found.where} (model's unit)")
+    ax.set_ylabel("Force (model's unit)")
+    ax.set_title(found.description, fontsize=7)
+    ax.legend(loc="best")
+    return figure

@@ -5,12 +5,15 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from iwanjax.discrepancy import CurveRun, Diagnosis
-from iwanjax.discrepancy.findings import Errors
+from iwanjax.discrepancy.findings import Errors, Suspect
 from iwanjax.discrepancy.judgement import together
 from iwanjax.effects.estimate import Estimate
+from iwanjax.effects.kinds import UnnamedKind
 
 
-def as_json(verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
+def as_json(
+    verdicts: Mapping[str, Diagnosis], files: Mapping[str, str] | None = None
+) -> dict[str, Any]:
     """What diagnosis.json says of a study: one diagnosis, or several as one.
 
     Of several, the verdict is that of :func:`~iwanjax.discrepancy.judgement.together`, and an
@@ -20,13 +23,16 @@ def as_json(verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
     ----------
     verdicts : mapping of str to Diagnosis
         Result of :meth:`iwanjax.Study.diagnose`.
+    files : mapping of str to str, optional
+        Of verdicts with a law that has no name, the file that it was saved to.
 
     Returns
     -------
     dict
         Lists, strings, numbers and dictionaries of them.
     """
-    parts = {name: _of_one(verdict) for name, verdict in verdicts.items()}
+    saved = files or {}
+    parts = {name: _of_one(verdict, saved.get(name)) for name, verdict in verdicts.items()}
     if len(parts) == 1:
         return next(iter(parts.values()))
     each = list(parts.values())
@@ -57,7 +63,7 @@ def as_json(verdicts: Mapping[str, Diagnosis]) -> dict[str, Any]:
     }
 
 
-def _of_one(verdict: Diagnosis) -> dict[str, Any]:
+def _of_one(verdict: Diagnosis, file: str | None) -> dict[str, Any]:
     return {
         "verdict": verdict.verdict.name,
         "detected": verdict.detected,
@@ -73,6 +79,7 @@ def _of_one(verdict: Diagnosis) -> dict[str, Any]:
                 "parameters": _parameters(each.parameters),
                 "joint_with": list(each.joint_with),
             }
+            | _unnamed(verdict, each, file)
             for each in verdict.what
         ],
         "joints": {each.name: _parameters(each.parameters) for each in verdict.joints},
@@ -110,6 +117,19 @@ def _of_one(verdict: Diagnosis) -> dict[str, Any]:
         "complete": verdict.complete,
         "seconds": verdict.seconds,
         "statement": verdict.statement(),
+    }
+
+
+def _unnamed(verdict: Diagnosis, suspect: Suspect, file: str | None) -> dict[str, Any]:
+    """What is said of a law that has no name beside what is said of all."""
+    force = verdict.unnamed
+    if force is None or not isinstance(suspect.kind, UnnamedKind):
+        return {}
+    return {
+        "description": force.description,
+        "nearest": [{"kind": name, "probability": p} for name, p in force.nearest.items()],
+        "terms": force.terms,
+        "file": file,
     }
 
 

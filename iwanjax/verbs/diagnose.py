@@ -17,6 +17,7 @@ from iwanjax.plotting import (
     plot_places,
     plot_prediction,
     plot_restoring,
+    plot_unnamed,
 )
 from iwanjax.report.page import NamedParagraph, PageSection, PageTable, render
 from iwanjax.report.words import with_deviation
@@ -36,13 +37,15 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
     # Several modes have their pictures under their own names.
     ends = [f"_{label}" for label in file_names(verdicts)] if len(verdicts) > 1 else [""]
     with results(out) as folder:
-        sections = []
+        sections, files = [], {}
         for (name, verdict), end in zip(verdicts.items(), ends, strict=True):
             failures = list(verdict.failures)
             pictures = _pictures(verdict, folder, end, failures)
             verdicts[name] = replace(verdict, failures=tuple(failures))
+            if verdict.unnamed is not None:
+                files[name] = verdict.unnamed.law.save(folder / f"unnamed_law{end}.npz").name
             sections.append(_section(name, verdict, pictures))
-        content = {"study": study.name, "iwanjax": version()} | as_json(verdicts)
+        content = {"study": study.name, "iwanjax": version()} | as_json(verdicts, files)
         write_json(folder / "diagnosis.json", content)
         lead = [
             f"{name}: {verdict.statement()}" if len(verdicts) > 1 else verdict.statement()
@@ -106,6 +109,12 @@ def _pictures(
             "Lines are the laws fitted."
         )
         plots.append((caption, "restoring_force", plot_restoring))
+    if verdict.unnamed is not None:
+        caption = (
+            "The force that no name fits over the deflection of its place: in the recording of the "
+            "largest deflection, and its virgin curve with the band that holds it at 95 %."
+        )
+        plots.append((caption, "unnamed_law", plot_unnamed))
     if verdict.scores:
         caption = "Where: what each kind at each place would explain of what the joints cannot."
         plots.append((caption, "places", plot_places))

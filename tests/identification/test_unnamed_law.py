@@ -1,4 +1,4 @@
-"""The general law in a fit: nothing at no strength, a spring and a damper where these are missing."""
+"""The general law in a fit: nothing at no strength; where a spring and damper miss, both."""
 
 import math
 

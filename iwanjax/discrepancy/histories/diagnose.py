@@ -28,15 +28,16 @@ from iwanjax.discrepancy.histories.refitted import (
 )
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
+from iwanjax.discrepancy.histories.unnamed import Ended, beyond_names
 from iwanjax.discrepancy.histories.validation import (
     FreeRun,
-    Runs,
     compared,
     joined,
     left_over,
+    misfit,
     unforeseen,
 )
-from iwanjax.discrepancy.judgement import Misfit, judged
+from iwanjax.discrepancy.judgement import judged
 from iwanjax.effects.catalogue import kinds_of, sensor_faults_of
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.errors import InputError, attempted
@@ -203,12 +204,23 @@ def diagnose_histories(
         table.nominal.behind + LEAST_GAIN,
         [entry.behind for entry in table.entries],
         # Noise is of the recordings: the model that fits them best knows what it leaves.
-        _misfit(before, min(before, after, key=lambda run: run[0].relative), allowed),
-        _misfit(after, after, allowed),
+        misfit(before, min(before, after, key=lambda run: run[0].relative), allowed),
+        misfit(after, after, allowed),
     )
     what = _suspects(table, verdict.named) if table.detected and verdict.detected else []
     after = after if what else before
     shown = table.best if what else table.nominal
+    beyond = attempted(
+        "looking for a law that has no name",
+        lambda: beyond_names(
+            table, problem, scope, Ended(verdict, before, after, allowed), sampling_rate, sides.free
+        ),
+        None,
+        failures,
+    )
+    if beyond is not None:
+        verdict, after, shown = beyond.verdict, beyond.after, beyond.entry
+        what = beyond.among(what)
     differing: tuple[Observable, ...] = ()
     restoring = None
     if verdict.detected and scope.in_time():
@@ -225,7 +237,7 @@ def diagnose_histories(
             failures,
         )
         comparable = [entry for entry in table.entries if entry.problem is problem]
-        if what and comparable and comparable[0] is table.best:
+        if what and comparable and comparable[0] is shown:
             others = [entry.fitted for entry in comparable[1:]]
             restoring = attempted(
                 "recovering the restoring force",
@@ -236,7 +248,7 @@ def diagnose_histories(
     model = attempted(
         "building the corrected model",
         lambda: corrected_model(
-            structure, table.best if verdict.found else table.nominal, places, now.modal
+            structure, shown if verdict.found or beyond else table.nominal, places, now.modal
         ),
         None,
         failures,
@@ -256,7 +268,7 @@ def diagnose_histories(
     warnings += left_over(after[0], bool(what), verdict.something_else, tuple(sensors))
     warnings += unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what) if what else ()
-    if what:
+    if what and beyond is None:
         indistinguishable += containing(table.best, table.entries)
     return Diagnosis(
         verdict=verdict,
@@ -281,6 +293,7 @@ def diagnose_histories(
         failures=tuple(dict.fromkeys(failures)),
         model=model,
         noise=_noise(recordings, tuple(sensors)),
+        unnamed=beyond.force if beyond else None,
     )
 
 
@@ -295,21 +308,6 @@ def _noise(
         for name, s, freedom, *rest in zip(sensors, *each.noise, strict=True)
         if math.isfinite(s)
     )
-
-
-def _misfit(run: Runs, best: Runs, model_error: float) -> Misfit:
-    """Errors over what noise, an error that a right model may have, and open parameters leave.
-
-    Noise by the model that fits best; one in which it grows beyond the signal predicts nothing.
-    """
-    (fitted, held_out), (noise, noise_held_out) = run, best
-    allowed = math.hypot(noise.floor, model_error)
-    of_fit = fitted.relative / allowed if noise.floor < 1.0 else math.inf
-    if held_out is None or noise_held_out is None:
-        return Misfit(of_fit, math.nan)
-    spread = settings().judgement.uncertain * held_out.spread if best is run else 0.0
-    foreseen = math.hypot(noise_held_out.floor_95, spread, model_error)
-    return Misfit(of_fit, held_out.relative / foreseen if foreseen < 1.0 else math.inf)
 
 
 def _polished(

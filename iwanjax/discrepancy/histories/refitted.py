@@ -13,7 +13,7 @@ from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.effects.estimate import Estimate
 from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.identification.estimates import estimates
-from iwanjax.identification.joint_priors import joints_of
+from iwanjax.identification.joint_priors import FreeLaw, joints_of
 from iwanjax.identification.likelihood import covariance
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.predictor import Predictor
@@ -51,12 +51,14 @@ def joints_refitted(
     beside = [joints_of(problem.joints, jax.device_put(z + DIFFERENCE * e)) for e in np.eye(p)]
     for i, (name, joint) in enumerate(zip(ordered(problem, fitted, labels), joints, strict=True)):
         rows = []
-        for info in problem.joints[i].given.parameters:
+        for info in problem.joints[i].parameters:
             value = float(getattr(joint, info.name))
             slope = (float(getattr(beside[first][i], info.name)) - value) / DIFFERENCE
             rows.append(Estimate(info, value, abs(slope) * float(known[first])))
             first += 1
-        found.append(Refitted(name, tuple(rows)))
+        # A general law has too many terms for a list, and none of them has a name.
+        if rows or not isinstance(problem.joints[i], FreeLaw):
+            found.append(Refitted(name, tuple(rows)))
     return tuple(found)
 
 
@@ -113,6 +115,10 @@ def beyond_trust(problem: HistoryProblem, fitted: HypothesisFit, names: Sequence
     ]
 
 
+# Kinds that a fit has as a joint of its own, the last one.
+_JOINTS_MORE = ("iwan_joint", "unnamed_law")
+
+
 def ordered(problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str]) -> list[str]:
     """Labels of a structure's joints in the order of a problem's."""
     names, more = list(labels), len(problem.joints) - len(labels)
@@ -120,7 +126,7 @@ def ordered(problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str
     for kind, where in pairs:
         if kind.name == "stiction":
             names = [where, *(each for each in names if each != where)]
-        elif kind.name == "iwan_joint" and more:
+        elif kind.name in _JOINTS_MORE and more:
             names.append(where)
     return names
 
@@ -169,7 +175,11 @@ def corrected_model(
     refitted = dict(elements[: len(structure.labels)])
     given = zip(structure.labels, np.asarray(structure.rows), strict=True)
     joints = {name: (row, refitted[name]) for name, row in given}
-    joints |= {f"iwan_joint@{where}": (rows[where], joint) for where, joint in added}
+    kinds = [kind.name for kind in best.fitted.hypothesis.kinds if kind.name in _JOINTS_MORE]
+    joints |= {
+        f"{kind}@{where}": (rows[where], joint)
+        for kind, (where, joint) in zip(kinds, added, strict=True)
+    }
     linear = structure.structure
     matrices = {name: np.array(getattr(linear, name)) for name in "MCK"}
     if problem.predictor.errors:

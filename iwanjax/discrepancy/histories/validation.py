@@ -10,7 +10,7 @@ import numpy as np
 from iwanjax.discrepancy.findings import Refused
 from iwanjax.discrepancy.histories.ranking import RankedFit, doubted, missing, ranked
 from iwanjax.discrepancy.histories.selection import ModelSelection
-from iwanjax.discrepancy.judgement import worse
+from iwanjax.discrepancy.judgement import Misfit, worse
 from iwanjax.identification.conditioning import ConditionedRecordings
 from iwanjax.identification.force_noise import mean_and_scatter, moved_by_force_noise
 from iwanjax.identification.free_values import drifting_values, elapsed, free_values, rates
@@ -273,6 +273,21 @@ def zeros_off(run: FreeRun, sensors: Sequence[str]) -> list[str]:
 
 
 Runs = tuple[FreeRun, FreeRun | None]
+
+
+def misfit(run: Runs, best: Runs, model_error: float) -> Misfit:
+    """Errors over what noise, an error that a right model may have, and open parameters leave.
+
+    Noise by the model that fits best; one in which it grows beyond the signal predicts nothing.
+    """
+    (fitted, held_out), (noise, noise_held_out) = run, best
+    allowed = math.hypot(noise.floor, model_error)
+    of_fit = fitted.relative / allowed if noise.floor < 1.0 else math.inf
+    if held_out is None or noise_held_out is None:
+        return Misfit(of_fit, math.nan)
+    spread = settings().judgement.uncertain * held_out.spread if best is run else 0.0
+    foreseen = math.hypot(noise_held_out.floor_95, spread, model_error)
+    return Misfit(of_fit, held_out.relative / foreseen if foreseen < 1.0 else math.inf)
 
 
 class Compared(NamedTuple):

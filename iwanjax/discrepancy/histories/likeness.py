@@ -1,0 +1,150 @@
+"""What a general law is like: in words by the forces of its parts, and by the names nearest it."""
+
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.joints import PlaceMotion, UnnamedLaw
+from iwanjax.joints.force_law import Scales
+from iwanjax.settings.stages import settings
+
+
+def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarray]) -> str:
+    """The law in words, by what each part's force is of all of it in the recordings.
+
+    Parameters
+    ----------
+    law : UnnamedLaw
+        As fitted.
+    motion : PlaceMotion
+        Of its place, (recordings, N).
+    parts : mapping of str to (recordings, N) array
+        Force of each part in that motion.
+    """
+    size = {name: _size(force) for name, force in parts.items()}
+    least = settings().judgement.neighbour * _size(sum(parts.values()))
+    acting = {name for name, each in size.items() if each > least}
+    words = []
+    if "spring" in acting:
+        words += ["elastic", *_shape(law, float(np.max(np.abs(motion.d))))]
+    if "damper" in acting:
+        words.append(f"damping that grows {_growth(motion.v, parts['damper'])} the rate")
+    if "sliders" in acting:
+        words.append("rate-independent hysteresis")
+    if "relaxation" in acting:
+        words.append("a force that relaxes with time")
+    if not acting & {"sliders", "relaxation"}:
+        words.append("no memory")
+    return ", ".join(words)
+
+
+def _size(force: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(force))))
+
+
+def _shape(law: UnnamedLaw, reach: float) -> list[str]:
+    """How the spring departs from a straight line, over the deflections that were reached."""
+    spring, share = law.alone("spring"), settings().judgement.neighbour
+    d = reach * np.linspace(0.0, 1.0, 41)[1:]
+    up, down = np.asarray(spring.backbone(d)), -np.asarray(spring.backbone(-d))
+    odd, even = 0.5 * (up + down), 0.5 * (up - down)
+    found = []
+    if np.max(np.abs(even)) > share * np.max(np.abs(odd)):
+        weak, strong = sorted((np.max(np.abs(up)), np.max(np.abs(down))))
+        found.append("one-sided" if weak < share * strong else "asymmetric")
+    secant = odd / d
+    largest = np.max(np.abs(secant))
+    if abs(secant[0]) < share * largest:
+        found.append("with a clearance")
+    elif secant[-1] < secant[0] - share * largest:
+        found.append("softening")
+    elif secant[-1] > secant[0] + share * largest:
+        found.append("hardening")
+    else:
+        found.append("linear")
+    return found
+
+
+def _growth(v: np.ndarray, force: np.ndarray) -> str:
+    """With which power of the rate, by a straight line through logarithms over its large values."""
+    large = np.abs(v) > settings().judgement.neighbour * np.max(np.abs(v))
+    x, y = np.log(np.abs(v[large])), np.log(np.maximum(np.abs(force[large]), 1e-300))
+    power = float(np.polyfit(x, y, 1)[0])
+    by = settings().judgement.neighbour
+    if abs(power - 1.0) <= by:
+        return "in proportion to"
+    return (
+        f"less than in proportion to (about power {power:.1f} of)"
+        if power < 1.0
+        else (f"more than in proportion to (about power {power:.1f} of)")
+    )
+
+
+def nearest(kinds: Sequence[ForceKind], motion: PlaceMotion, force: np.ndarray) -> dict[str, float]:
+    r"""Named kinds by how nearly each makes the law's force in the same motion.
+
+    Of the share :math:`r` of the force that a kind's best size and shape leave the odds against
+    none of the names are :math:`(0.1/r)^4`, as for any neighbour of the truth
+    (:class:`~iwanjax.settings.judgement.JudgementSettings`).
+
+    Parameters
+    ----------
+    kinds : sequence of ForceKind
+        To be tried.
+    motion : PlaceMotion
+        Of the place, (recordings, N).
+    force : (recordings, N) array
+        Of the law.
+
+    Returns
+    -------
+    dict of str to float
+        Probabilities, the largest first; what is missing to 1 is that none is right.
+    """
+    known, odds = settings().judgement, {}
+    whole = max(float(np.sum(force**2)), 1e-300)
+    for kind in kinds:
+        left = _left(kind, motion, force) / whole
+        share = max(float(np.sqrt(max(left, 0.0))), 1e-6)
+        own = (known.neighbour / share) ** known.sharpness
+        odds[kind.name] = max(own, odds.get(kind.name, 0.0))
+    total = 1.0 + sum(odds.values())
+    ordered = sorted(odds.items(), key=lambda each: -each[1])
+    return {name: each / total for name, each in ordered[: known.listed]}
+
+
+def _left(kind: ForceKind, motion: PlaceMotion, force: np.ndarray) -> float:
+    """Sum of squares that the best size and shape leave, the shape on a grid about its starts."""
+    largest = float(np.max(np.abs(motion.d)))
+    rate = max(float(np.max(np.abs(motion.v))), 1e-300)
+    starts = kind.shapes(Scales(largest, 2.0 * np.pi * largest / rate))
+    around = 10.0 ** np.linspace(-1.0, 1.0, 9) if kind.shape is not None else np.ones(1)
+    shapes = np.unique(np.outer(starts, around))
+    unit = np.asarray(_unit_forces(kind, jnp.asarray(shapes), motion))
+    along, alone = np.einsum("srn,rn->s", unit, force), np.einsum("srn,srn->s", unit, unit)
+    size = along / np.maximum(alone, 1e-300)
+    size = np.maximum(size, 0.0) if kind.positive else size
+    left = np.sum(force**2) - 2.0 * size * along + size**2 * alone
+    left = left[np.isfinite(left)]
+    return float(np.min(left, initial=np.sum(force**2)))
+
+
+@eqx.filter_jit
+def _unit_forces(kind: ForceKind, shapes: Array, motion: PlaceMotion) -> Array:
+    """Forces of size 1, (shapes, recordings, N)."""
+    along = PlaceMotion(*(jnp.moveaxis(x, -1, 0) for x in motion[:4]), motion.dt)
+    shape = shapes[:, None]
+
+    def step(memory: Array, at: tuple[Array, ...]) -> tuple[Array, Array]:
+        unit, memory = kind.unit_force(PlaceMotion(*at, along.dt), shape, memory)
+        still = jnp.zeros((len(shapes), at[0].shape[0]))
+        return memory + still, unit + still
+
+    none = jnp.zeros((len(shapes), along.d.shape[1]))
+    return jnp.moveaxis(jax.lax.scan(step, none, tuple(along[:4]))[1], 0, -1)

@@ -1,0 +1,84 @@
+"""Physics that no name fits: where it acts, what it is like, and the law that models it."""
+
+import math
+
+import numpy as np
+import pytest
+from two_masses import PLACES, Law, diagnosed
+
+import iwanjax as ij
+from iwanjax.discrepancy.judgement import Misfit, acting, beside_general_law, judged
+from iwanjax.joints import UnnamedLaw
+from iwanjax.plotting import plot_unnamed
+from iwanjax.studies.verdicts import as_json
+
+C = 4.0
+NAMES = ("viscous_damping", "quadratic_damping", "cubic_stiffness")
+
+
+def root_damper() -> Law:
+    return lambda d, v, moved: C * math.copysign(math.sqrt(abs(v)), v)
+
+
+@pytest.fixture(scope="module")
+def found():
+    """The verdict on masses that lack a damper that grows with the root of the rate."""
+    return diagnosed(root_damper, NAMES)
+
+
+def test_the_place_comes_first_and_no_name_is_believed(found):
+    first, *others = found.what
+    assert first.label == "unnamed_law@m1-m2"
+    assert first.probability > 0.9
+    assert found.verdict.name == "undecided"
+    assert found.detected
+    assert all(each.probability < 0.5 for each in others)
+    assert found.probability_something_else > 0.9
+    assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
+    assert found.before.hold_out > 100.0 * found.noise_floor.hold_out
+
+
+def test_it_is_said_what_it_is_like(found):
+    told = found.unnamed.description
+    assert "damping that grows less than in proportion" in told
+    assert told.endswith("no memory")
+    assert "elastic" not in told
+    assert found.statement().startswith("A force that no name fits is missing between m1 and m2")
+    (entry, *_) = as_json({"masses": found}, {"masses": "law.npz"})["what"]
+    assert entry["description"] == told
+    assert entry["file"] == "law.npz"
+    assert {each["kind"] for each in entry["nearest"]} <= set(NAMES)
+    assert plot_unnamed(found).axes
+
+
+def test_its_force_is_that_of_the_root_and_the_model_moves_by_it(found, tmp_path):
+    law = UnnamedLaw.load(found.unnamed.law.save(tmp_path / "law.npz"))
+    d, force = found.unnamed.path
+    v = np.gradient(d)
+    assert np.corrcoef(force, np.sign(v) * np.sqrt(np.abs(v)))[0, 1] > 0.99
+    assert found.model.labels == ("unnamed_law@m1-m2",)
+    push = np.zeros((200, 2))
+    push[10:20, 0] = 60.0
+    moved = ij.simulate(found.model, push, 1.0 / 1024.0, sensors=[PLACES["m1-m2"]])
+    assert bool(moved.balanced)
+    rate = np.ravel(moved.velocity)
+    fast = np.abs(rate) > 0.1 * np.max(np.abs(rate))
+    expected = C * np.sign(rate) * np.sqrt(np.abs(rate))
+    reach = np.max(np.abs(expected))
+    np.testing.assert_allclose(np.ravel(moved.joint_force)[fast], expected[fast], atol=0.05 * reach)
+    assert float(law.dissipation(1e-3)) > 0.0
+
+
+def test_names_are_believed_as_far_as_a_general_law_leaves_them_their_misfit():
+    names, before = (-0.1, -40.0), Misfit(50.0, 60.0)
+    held = Misfit(5.0, 6.0)
+    verdict = judged(-2000.0, names, before, held)
+    assert verdict.found
+    # A law that leaves half of what the names do is no reason to doubt them.
+    assert beside_general_law(verdict, held, Misfit(3.0, 3.0)).found
+    # One that leaves no more than noise is.
+    alone = beside_general_law(verdict, held, Misfit(1.0, 1.0))
+    assert (alone.name, alone.detected) == ("undecided", True)
+    assert max(alone.named) < 0.01
+    assert acting(alone, before, Misfit(1.0, 1.0), 0.9) == pytest.approx(0.9, abs=1e-3)
+    assert acting(alone, before, Misfit(40.0, 50.0), 0.9) < 0.01
