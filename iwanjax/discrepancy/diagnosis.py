@@ -9,6 +9,7 @@ from iwanjax.discrepancy.findings import (
     Errors,
     MeasuredNoise,
     Observable,
+    PlaceEvidence,
     Prediction,
     Refitted,
     Refused,
@@ -19,7 +20,7 @@ from iwanjax.discrepancy.findings import (
 )
 from iwanjax.discrepancy.judgement import Verdict
 from iwanjax.effects.kinds import UnnamedKind
-from iwanjax.effects.wording import noun, sentence, share, sizes
+from iwanjax.effects.wording import noun, place, sentence, share, sizes
 from iwanjax.results import AbstractResult
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure
@@ -55,6 +56,9 @@ class Diagnosis(AbstractResult):
         Where frequency and damping of the model before differ from the measured ones.
     scores : tuple of Score
         Of the screening, the largest drop first.
+    places : tuple of PlaceEvidence
+        Where something acts, whatever it is, the likeliest first: by all laws of a place at once
+        and, where one has a name, by the verdict. None for curves and loops.
     joints : tuple of Refitted
         Joints, or modes with theirs, as refitted: with the first of ``what``, where there is one.
     modes : tuple of Refitted
@@ -120,6 +124,7 @@ class Diagnosis(AbstractResult):
     model: JointedStructure | None = field(default=None, repr=False)
     noise: tuple[MeasuredNoise, ...] = field(default=(), repr=False)
     unnamed: UnnamedForce | None = field(default=None, repr=False)
+    places: tuple[PlaceEvidence, ...] = field(default=(), repr=False)
 
     @property
     def detected(self) -> bool:
@@ -208,8 +213,15 @@ class Diagnosis(AbstractResult):
             return [*self._general(self.unnamed), off]
         if not self.complete:
             return ["Undecided: something is missing, and there was no time to find out what", off]
+        somewhere = self.places and self.places[0].probability > 0.5
+        missing = (
+            f"something acts {place(self.places[0].where)} (probability "
+            f"{self.places[0].probability:.2f})"
+            if somewhere
+            else "something is missing"
+        )
         return [
-            "Undecided: something is missing, and nothing that was tried explains it "
+            f"Undecided: {missing}, and nothing that was tried explains it "
             f"(probability {self.probability_something_else:.2f} that it is something else)",
             off,
         ]
@@ -303,7 +315,7 @@ class Diagnosis(AbstractResult):
         if not self._held:
             return ["A recording to hold out, at an amplitude of its own"]
         if self.verdict.name == "undecided" and self.detected:
-            where = f", near {self.scores[0].where} first" if self.scores else ""
+            where = f", near {self.places[0].where} first" if self.places else ""
             return [
                 f"More sensors and single modes at several amplitudes{where}, to see which motion "
                 "the misfit goes with"

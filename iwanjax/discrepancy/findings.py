@@ -257,6 +257,30 @@ class Score(NamedTuple):
     drop: float
 
 
+class PlaceEvidence(NamedTuple):
+    """How much speaks for something that acts at a place, whatever it is.
+
+    Attributes
+    ----------
+    where : str
+        Label of the place, sensor, input or joint.
+    probability : float
+        That something acts there, if it does so at one place only.
+    reduction : float
+        Share of the squared residual that all laws there take off together, the joints refitted.
+    columns : int
+        In how many independent directions they do.
+    log_evidence : float
+        With something there, less that of nothing.
+    """
+
+    where: str
+    probability: float
+    reduction: float
+    columns: int
+    log_evidence: float
+
+
 def alike(what: Sequence[Suspect]) -> tuple[tuple[str, str], ...]:
     """The first suspect with each whose evidence is as good within a margin."""
     margin = settings().judgement.alike

@@ -132,7 +132,12 @@ def left_by_noise(problem: HistoryProblem) -> float:
     return float(np.sum((OF_NOISE * problem.noise * weight) ** 2)) + problem.driven
 
 
-def scale(problem: HistoryProblem, fitted: HypothesisFit, unsure: float = 0.0) -> float:
+def scale(
+    problem: HistoryProblem,
+    fitted: HypothesisFit,
+    unsure: float = 0.0,
+    left: float | None = None,
+) -> float:
     """What differences of squares between rivals of a fit are to be divided by.
 
     What exceeds the noise is the model's own error. It goes a few ways only, an amplitude and a
@@ -147,10 +152,14 @@ def scale(problem: HistoryProblem, fitted: HypothesisFit, unsure: float = 0.0) -
         The best model.
     unsure : float
         Share of the noise's square that may be error of the model as well.
+    left : float, optional
+        Squared residual that is left beside the fit's best rival; by default its own.
     """
-    table = evidence(problem, [fitted])
-    error = float(fitted.misfit.sum()) - (1.0 - unsure) * left_by_noise(problem)
-    return max(table.temperature * table.tau, 1.0 + error / _ways(problem))
+    left = float(fitted.misfit.sum()) if left is None else left
+    temperature = max(_LEAST_TEMPERATURE, left / values_measured(problem))
+    error = left - (1.0 - unsure) * left_by_noise(problem)
+    white = temperature * correlation_time(fitted.residual)
+    return max(white, 1.0 + error / _ways(problem))
 
 
 def _ways(problem: HistoryProblem) -> int:

@@ -30,7 +30,8 @@ class SelectionSettings:
         Share of the best one's drop from which on a suspect is worth a refit.
     first, second : int
         Hypotheses that are refitted with a time constant of two and of eight cycles; the first ones
-        of all score tests: the missing effect ranked fifth or better in one of them.
+        of each score test, at places where something acts: the missing effect ranked fifth or
+        better in one of them.
     field : int
         Of the first how many go on after a few steps: in 25 of 27 cases the later winner led by
         then, in the others it was second or third.
@@ -72,7 +73,7 @@ class SelectionSettings:
     least_promise: float = 3.0
     clear: float = 0.8
     hopeless: float = 0.15
-    first: int = 12
+    first: int = 6
     second: int = 6
     field: int = 8
     smaller: tuple[float, ...] = (1.0, 0.1, 0.01)

@@ -46,6 +46,7 @@ def as_json(
         "what": sorted(_joined(each, "what"), key=lambda suspect: -suspect["probability"]),
         "joints": {name: values for part in each for name, values in part["joints"].items()},
         "linear_model": {},
+        "places": _joined(each, "places"),
         "observables": _joined(each, "observables"),
         "fit": {
             errors: _root_mean_square([part["fit"][errors] for part in each])
@@ -82,6 +83,7 @@ def _of_one(verdict: Diagnosis, file: str | None) -> dict[str, Any]:
             | _unnamed(verdict, each, file)
             for each in verdict.what
         ],
+        "places": [each._asdict() for each in verdict.places],
         "joints": {each.name: _parameters(each.parameters) for each in verdict.joints},
         "linear_model": {each.name: _parameters(each.parameters) for each in verdict.modes},
         "observables": [

@@ -19,6 +19,7 @@ from iwanjax.discrepancy.findings import (
 )
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.observables import observables
+from iwanjax.discrepancy.histories.place_test import with_verdict
 from iwanjax.discrepancy.histories.ranking import Scope, containing
 from iwanjax.discrepancy.histories.refitted import (
     beyond_trust,
@@ -282,6 +283,14 @@ def diagnose_histories(
         indistinguishable=tuple(dict.fromkeys(indistinguishable)),
         observables=differing,
         scores=table.scores,
+        places=with_verdict(
+            table.places,
+            [
+                (entry.fitted.hypothesis.where, probability)
+                for entry, probability in zip(table.entries, verdict.named, strict=True)
+            ],
+            verdict.something_else,
+        ),
         joints=joints_refitted(shown.problem, shown.fitted, tuple(structure.labels)),
         modes=modes_refitted(shown.problem, shown.fitted, modes),
         runs=(_joined(before), _joined(after)),

@@ -10,6 +10,7 @@ from iwanjax.discrepancy.histories.ranking import (
     least,
     scored,
 )
+from iwanjax.discrepancy.histories.score_test import where_something_acts
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.identification import hypotheses
 from iwanjax.identification.likelihood import Evidence, evidence, left_by_noise
@@ -90,7 +91,7 @@ def partners_of(
     promise = candidates[0].drop * table.worth(first) if candidates else 0.0
     if first.cost < known.misfit * noise and promise < _margin(problem, table, first):
         return [], []
-    starts = [c.start for c in candidates[: own.seconds]]
+    starts = [c.start for c in where_something_acts(candidates)[: own.seconds]]
     pairs = multistart(
         problem, starts, SHORT_TIME_CONSTANT, STEPS, at_most=own.partners, in_time=scope.in_time
     )

@@ -6,9 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iwanjax.discrepancy.findings import PlaceEvidence
+from iwanjax.discrepancy.histories.place_test import (
+    Block,
+    Columns,
+    Remaining,
+    places_by_evidence,
+)
 from iwanjax.effects.catalogue import sensor_faults_of
 from iwanjax.effects.faults import AbstractAddedFault, AbstractForceFault
 from iwanjax.effects.kinds import JointKind, Kind
+from iwanjax.estimation.evidence import LEAST_GAIN
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import (
     UnitEffect,
@@ -20,6 +28,7 @@ from iwanjax.identification.columns import (
     unit_effects,
 )
 from iwanjax.identification.free_values import drifting_values, free_values
+from iwanjax.identification.likelihood import scale
 from iwanjax.identification.linearise import innovations, linearise, residuals_at
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.places import Place
@@ -38,10 +47,13 @@ class Candidate(NamedTuple):
         At the size that the linearised residuals ask for.
     drop : float
         Share of the squared residual that it would take away, the joints refitted.
+    place : PlaceEvidence
+        Of all that may act where it does.
     """
 
     start: Start
     drop: float
+    place: PlaceEvidence
 
 
 def score_test(
@@ -96,26 +108,18 @@ def score_test(
     del seen, slopes
     basis, _ = np.linalg.qr(explained)
     whole = np.concatenate([base.residual.ravel(), z, states.ravel()])
-    left = whole - basis @ (basis.T @ whole)
-    total = float(left @ left)
-    best: dict[tuple[str, str], tuple[float, Callable[[], Start]]] = {}
+    remaining = Remaining(basis, whole - basis @ (basis.T @ whole))
+    total = remaining.square
+    best: dict[tuple[str, str, str], tuple[float, Callable[[], Start]]] = {}
+    alone: dict[str, list[float]] = {}
+    blocks: dict[str, list[Block]] = {}
 
     def propose(kind: Kind, where: str, drop: float, start: Callable[[], Start]) -> None:
         # Two forms of one name stand side by side.
-        key = (f"{kind.name}@{where}", getattr(kind, "variant", ""))
+        key = (where, kind.name, getattr(kind, "variant", ""))
         if key not in best or drop > best[key][0]:
             best[key] = (drop, start)
-
-    def rated(made: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sizes that columns ask for, and their drops; none where the model broke down."""
-        h = made.reshape(len(made), base.residual.size)
-        with np.errstate(over="ignore", invalid="ignore"):
-            alone, toward = np.sum(h**2, axis=1), -(h @ left[: h.shape[1]])
-            square = alone - np.sum((h @ basis[: h.shape[1]]) ** 2, axis=1)
-            usable = np.isfinite(square) & (square > _EXPLAINED * alone)
-        toward = np.where(usable, toward, 0.0)
-        size = toward / np.where(usable, square, 1.0)
-        return size, size * toward / total
+        alone.setdefault(where, []).append(drop * total)
 
     if not in_time():
         return []
@@ -123,21 +127,39 @@ def score_test(
         *sensor_faults(problem, kinds, sensors, z),
         *force_faults(problem, kinds, inputs, z),
     ]
-    for unit, size, drop in _judged(problem, base, kinds, places, of_channels, rated, in_time):
+    for unit, size, drop in _judged(
+        problem, base, kinds, places, of_channels, remaining, blocks, in_time
+    ):
         if size != 0 and not (unit.kind.positive and size < 0):
             propose(unit.kind, unit.where, drop, partial(unit.sized, size))
     if not in_time():
         return []
     ready = _as_they_are(problem, base, others, kinds, sensors, inputs, z)
     if base.hypothesis.drifting is None:
-        ready += _drifts(problem, kinds, joints, len(shared), explained, whole, total, z)
+        known = explained[: base.residual.size, : len(shared)]
+        ready += _drifts(problem, kinds, joints, known, remaining, blocks, z)
     for start, drop in ready:
         (kind,), (where,) = start.hypothesis.kinds, start.hypothesis.where
         propose(kind, where, drop, lambda start=start: start)
+    most = max((each.reduction for own in blocks.values() for each in own), default=0.0)
+    unit = scale(problem, base, left=max(total - most, 0.0))
+    places_of = {each.where: each for each in places_by_evidence(blocks, alone, total, unit)}
     return [
-        Candidate(hypotheses.joined(problem, [*others, start()]), drop)
-        for drop, start in sorted(best.values(), key=lambda each: -each[0])
+        Candidate(hypotheses.joined(problem, [*others, start()]), drop, places_of[where])
+        for (where, *_), (drop, start) in sorted(best.items(), key=lambda each: -each[1][0])
     ]
+
+
+def places_of(candidates: Sequence[Candidate]) -> tuple[PlaceEvidence, ...]:
+    """Places of candidates, that of the largest evidence first."""
+    found = {each.place.where: each.place for each in candidates}
+    return tuple(sorted(found.values(), key=lambda each: -each.log_evidence))
+
+
+def where_something_acts(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Those at places where something helps, and which the likeliest place does not exclude."""
+    least = max([0.0, *(c.place.log_evidence - LEAST_GAIN for c in candidates)])
+    return [c for c in candidates if c.place.log_evidence > least]
 
 
 def _judged(
@@ -146,30 +168,58 @@ def _judged(
     kinds: Sequence[Kind],
     places: Sequence[Place],
     of_channels: Sequence[UnitEffect],
-    rated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    remaining: Remaining,
+    blocks: dict[str, list[Block]],
     in_time: Callable[[], bool],
 ) -> Iterator[tuple[UnitEffect, float, float]]:
-    """All with size and drop: about the motion itself, but for forces that promise little."""
+    """All with size and drop: about the motion itself, but for forces that promise little.
+
+    Adds the blocks of places, by columns at rest where there are many forces, and of channels.
+    """
     found, most = np.zeros((2, 0)), problem.settings.selection.moving
     forces: list[UnitEffect] = []
     groups = by_memory(problem, kinds, places)
+    at_rest = False
     for group in groups:
         more = unit_effects(problem, base, kinds, group)
         own = np.zeros((2, len(more)))
         if len(groups) > 1 or len(more) > most:
+            at_rest = True
             for which, made in columns_at_rest(problem, base, more):
-                own[:, which] = rated(made)
+                seen = remaining.seen(made)
+                own[:, which] = _rated(seen, remaining.square)
+                blocks[more[which[0]].where] = [seen.block()]
         found, forces = np.hstack([found, own]), [*forces, *more]
         forces = _remembered(forces, np.argsort(-found[1], kind="stable")[:most])
     if not in_time():
         return
     best = np.argsort(-found[1], kind="stable")[:most]
-    moving = columns(problem, base, [*(forces[i] for i in best), *of_channels])
-    exact = np.array(rated(moving))
+    judged = [*(forces[i] for i in best), *of_channels]
+    moving = columns(problem, base, judged)
+    moving = moving.reshape(len(moving), base.residual.size)
+    which: dict[str, list[int]] = {}
+    for i, unit in enumerate(judged):
+        which.setdefault(unit.where, []).append(i)
+    exact = np.zeros((2, len(judged)))
+    for where, own in which.items():
+        seen = remaining.seen(moving[own])
+        exact[:, own] = _rated(seen, remaining.square)
+        if not (at_rest and where in blocks):
+            blocks[where] = [seen.block()]
     found[:, best] = exact[:, : len(best)]
     found = np.hstack([found, exact[:, len(best) :]])
     for unit, (size, drop) in zip([*forces, *of_channels], found.T.tolist(), strict=True):
         yield unit, size, drop
+
+
+def _rated(seen: Columns, total: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sizes that columns ask for, and their drops; none where the model broke down."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = np.diag(seen.products)
+        usable = np.isfinite(square) & (square > _EXPLAINED * seen.alone)
+    toward = np.where(usable, seen.toward, 0.0)
+    size = toward / np.where(usable, square, 1.0)
+    return size, size * toward / total
 
 
 def _remembered(forces: Sequence[UnitEffect], best: np.ndarray) -> list[UnitEffect]:
@@ -202,15 +252,16 @@ def _drifts(
     problem: HistoryProblem,
     kinds: Sequence[Kind],
     joints: Sequence[str],
-    shared: int,
-    explained: np.ndarray,
-    whole: np.ndarray,
-    total: float,
+    known: np.ndarray,
+    remaining: Remaining,
+    blocks: dict[str, list[Block]],
     z: np.ndarray,
 ) -> list[tuple[Start, float]]:
-    """Drops by the columns of a joint's strength in each recording on its own."""
+    """Drops by the columns of a joint's strength in each recording on its own.
+
+    ``known``, (values, shared), are the columns of what all recordings share.
+    """
     R, size = problem.recordings, problem.data.response[0].size
-    known = explained[: R * size, :shared].T.reshape(shared, R, size)
     found = []
     for kind in kinds:
         if not (isinstance(kind, JointKind) and kind.name == "joint_drift") or R < 2:
@@ -220,13 +271,11 @@ def _drifts(
             cut = np.zeros((len(own), R - 1, R, size))
             for i, value in enumerate(own):
                 for r in range(1, R):
-                    cut[i, r - 1, r] = known[value, r]
-            more = cut.reshape(-1, R * size).T
-            blank = np.zeros((len(whole) - R * size, more.shape[1]))
-            basis, _ = np.linalg.qr(np.hstack([explained, np.vstack([more, blank])]))
-            rest = whole - basis @ (basis.T @ whole)
+                    cut[i, r - 1, r] = known[r * size : (r + 1) * size, value]
+            block = remaining.seen(cut.reshape(-1, R * size)).block()
+            blocks.setdefault(label, []).append(block)
             start = hypotheses.drift(problem, kind, j, label, z)
-            found.append((start, 1.0 - float(rest @ rest) / total))
+            found.append((start, block.reduction / remaining.square))
     return found
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.findings import Score
+from iwanjax.discrepancy.findings import PlaceEvidence, Score
 from iwanjax.discrepancy.histories.further_suspects import appearing, probed
 from iwanjax.discrepancy.histories.joint_faults import (
     like_a_joint,
@@ -39,7 +39,11 @@ from iwanjax.discrepancy.histories.restarts import (
     renominated,
     restarted,
 )
-from iwanjax.discrepancy.histories.score_test import Candidate
+from iwanjax.discrepancy.histories.score_test import (
+    Candidate,
+    places_of,
+    where_something_acts,
+)
 from iwanjax.identification.estimates import determined
 from iwanjax.identification.hypotheses import shrunk
 from iwanjax.identification.likelihood import evidence, left_by_noise
@@ -67,12 +71,15 @@ class ModelSelection(NamedTuple):
         Suspects, the best first.
     scores : tuple of Score
         Of the screening.
+    places : tuple of PlaceEvidence
+        The same of all laws of a place at once, the likeliest first.
     """
 
     detected: bool
     nominal: RankedFit
     entries: tuple[RankedFit, ...]
     scores: tuple[Score, ...]
+    places: tuple[PlaceEvidence, ...] = ()
 
     @property
     def best(self) -> RankedFit:
@@ -113,16 +120,22 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
         for c in candidates
     )
+    # About the joints with which any of them explains most.
+    tested = [places_of(each) for each in both if each]
+    places = max(tested, key=lambda each: each[0].reduction, default=())
     if not scope.in_time():
-        return ModelSelection(False, RankedFit(problem, nominal), (), scores)
+        return ModelSelection(False, RankedFit(problem, nominal), (), scores, places)
     scope.progress("refitting suspects")
     shorts = first_fits(problem, nominal, both, scope)
     explained = bool(shorts) and shorts[0].fitted.cost < FAR * left_by_noise(problem)
     within = FAR if explained else known.give_up
     near = [e for e in shorts[: known.second] if e.fitted.cost < within * shorts[0].fitted.cost]
+    if shorts and shorts[0].fitted.cost < known.misfit * left_by_noise(problem):
+        # Beside one that explains all, a longer memory brings nobody back from so far behind.
+        near = [e for e in near if e.behind > shorts[0].behind - known.hope]
     if not scope.in_time():
         # With a shorter memory than the nominal model's they cannot be held against it.
-        return ModelSelection(False, RankedFit(problem, nominal), (), scores)
+        return ModelSelection(False, RankedFit(problem, nominal), (), scores, places)
     entries = again(near, shorts[len(near) :], TIME_CONSTANT, scope)
     if least(nominal, entries).cost > FAR * left_by_noise(problem):
         entries = probed(problem, shorts, entries, [c for each in both for c in each], scope)
@@ -137,6 +150,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         singles[0] = replace(singles[0], fitted=fitted)
     # A joint that looks like two simple forces, or one, is tried before two are looked for.
     early = like_a_joint(least(nominal, singles))
+    candidates = where_something_acts(candidates)
     entries = singles
     if early:
         entries = with_joints_left_out(problem, nominal, shorts, entries, candidates, scope)
@@ -154,7 +168,8 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_nested_laws(problem, entries, scope))
     base, entries = ranked(base, none_worse(base, entries, scope))
-    return ModelSelection(bool(entries) and missing(base, entries[0]), base, tuple(entries), scores)
+    found = bool(entries) and missing(base, entries[0])
+    return ModelSelection(found, base, tuple(entries), scores, places)
 
 
 def concluded(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> ModelSelection:
@@ -190,7 +205,8 @@ def concluded(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> M
     if scope.in_time():
         close = [replace(e, fitted=in_the_middle(e.problem, e.fitted)) for e in close]
         base = replace(base, fitted=in_the_middle(base.problem, base.fitted))
-    return ModelSelection(detected, base, (*close, *_behind_all(close, rest)), table.scores)
+    every = (*close, *_behind_all(close, rest))
+    return table._replace(detected=detected, nominal=base, entries=every)
 
 
 def _determined(entries: Sequence[RankedFit]) -> list[RankedFit]:
@@ -257,19 +273,16 @@ def first_fits(
     scored: Sequence[Sequence[Candidate]],
     scope: Scope,
 ) -> list[RankedFit]:
-    """The best candidates, the rivals at the best place, and joints' faults, refitted."""
+    """The best candidates at places where something acts, whatever it is, refitted."""
     known = problem.settings.selection
     least = known.least_promise / max(evidence(problem, [nominal]).worth(nominal), 1e-300)
-    promising = [[c for c in each if c.drop > least] for each in scored]
+    promising = [where_something_acts([c for c in each if c.drop > least]) for each in scored]
     far = nominal.cost > FAR * left_by_noise(problem)
     chosen: dict[Variant, list[Start]] = {}
     for candidates in promising:
-        best = candidates[0].start.hypothesis.where[-1] if candidates else ""
         for rank, c in enumerate(candidates):
             hypothesis = c.start.hypothesis
-            rival = hypothesis.where[-1] == best or hypothesis.drifting is not None
-            ahead = rank < known.first // len(promising)
-            if c.drop > known.hopeless * candidates[0].drop and (ahead or rival):
+            if rank < known.first and c.drop > known.hopeless * candidates[0].drop:
                 chosen.setdefault(hypothesis.variant, []).extend(_starts(problem, c, far))
     found = multistart(
         problem,

@@ -1,0 +1,206 @@
+r"""Where something acts, whatever it is: all laws of a place at once against the residual.
+
+With the columns H of every law and shape at a place and the residual e, both less what joints,
+errors of the linear model and states explain, the place takes :math:`e^T H (H^T H)^+ H^T e` off the
+squared residual. Many columns take something off anyhow, so that places are compared by evidence
+(:func:`log_evidence`).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from iwanjax.discrepancy.findings import PlaceEvidence
+from iwanjax.estimation.evidence import LEAST_GAIN, shares
+
+# Share of a column's square, and of the largest eigenvalue, that is lost in rounding where a
+# small difference of squares is left.
+_ROUNDING = math.sqrt(np.finfo(float).eps)
+
+
+class Block(NamedTuple):
+    """Columns of one place in the directions that they span.
+
+    Attributes
+    ----------
+    strength : (directions,) array
+        Eigenvalues of :math:`D^{-1/2} H^T H D^{-1/2}`, with the columns' squares D: they add up to
+        the number of columns.
+    taken : (directions,) array
+        What each direction takes off the squared residual.
+    """
+
+    strength: Float[np.ndarray, " directions"]
+    taken: Float[np.ndarray, " directions"]
+
+    @property
+    def reduction(self) -> float:
+        """What all of them take off."""
+        return float(self.taken.sum())
+
+
+class Remaining(NamedTuple):
+    """What refitted joints, errors of the linear model and states leave.
+
+    Attributes
+    ----------
+    basis : (values + priors, free) array
+        Orthonormal, of what they explain; the last rows are those of their priors.
+    left : (values + priors,) array
+        The residual, orthogonal to it.
+    """
+
+    basis: np.ndarray
+    left: np.ndarray
+
+    @property
+    def square(self) -> float:
+        """Of the residual."""
+        return float(self.left @ self.left)
+
+    def seen(self, h: Float[np.ndarray, "columns values"]) -> "Columns":
+        """Products of columns, of which nothing is in the priors' rows."""
+        values = h.shape[1]
+        with np.errstate(over="ignore", invalid="ignore"):
+            known = h @ self.basis[:values]
+            whole = h @ h.T
+            return Columns(np.diag(whole), whole - known @ known.T, -(h @ self.left[:values]))
+
+
+class Columns(NamedTuple):
+    """Columns of suspects by their products; none is finite where the model broke down.
+
+    Attributes
+    ----------
+    alone : (columns,) array
+        Their squares with all that joints and states explain.
+    products : (columns, columns) array
+        What is left of their products.
+    toward : (columns,) array
+        Their products with the residual that they oppose.
+    """
+
+    alone: np.ndarray
+    products: np.ndarray
+    toward: np.ndarray
+
+    def block(self) -> Block:
+        """All of them at once, but for those that joints and states do as well."""
+        square = np.diag(self.products)
+        with np.errstate(invalid="ignore"):
+            usable = np.isfinite(square) & (square > _ROUNDING * self.alone)
+        root = np.sqrt(square[usable])
+        strength, V = np.linalg.eigh(self.products[np.ix_(usable, usable)] / np.outer(root, root))
+        there = strength > _ROUNDING * len(root)
+        strength, V = strength[there], V[:, there]
+        return Block(strength, (V.T @ (self.toward[usable] / root)) ** 2 / strength)
+
+
+def log_evidence(block: Block, unit: float, total: float) -> float:
+    r"""How much more likely the residual is with these columns, :math:`\ln B`.
+
+    Each column has a coefficient of prior :math:`N(0, \sigma^2/d)`, d its square: it is worth
+    :math:`\sigma^2` units of squared residual. With the strengths :math:`\lambda` and takings u of
+    the block's directions, in units s of the squared residual,
+
+    .. math:: \ln B(\sigma) = \frac{1}{2}\sum_i \left[
+              \frac{\sigma^2\lambda_i}{1 + \sigma^2\lambda_i}\frac{u_i}{s}
+              - \ln(1 + \sigma^2\lambda_i)\right],
+
+    the marginal likelihood of a linear model (MacKay, Neural Computation 4, 1992): directions that
+    columns share cost once, those that are weaker than the noise nothing. B is averaged over
+    :math:`\sigma^2 = 1, 2, 4, \ldots` up to what there is to explain, for how large an effect is
+    is not known. With one column and :math:`\sigma^2 = N` this is the usual BIC.
+
+    Parameters
+    ----------
+    block : Block
+        Of the columns.
+    unit : float
+        Twice a unit of log evidence, in squared residual.
+    total : float
+        The squared residual.
+    """
+    most = max(0.0, math.log2(total / unit)) if total > 0.0 else 0.0
+    prior = 2.0 ** np.arange(math.floor(most) + 1)[:, None] * block.strength
+    each = prior / (1.0 + prior) * block.taken / unit - np.log1p(prior)
+    return _mean(0.5 * each.sum(axis=1))
+
+
+def _mean(values: Sequence[float] | np.ndarray) -> float:
+    """Logarithm of the mean of what these are logarithms of."""
+    return float(np.logaddexp.reduce(values)) - math.log(len(values))
+
+
+def places_by_evidence(
+    blocks: Mapping[str, Sequence[Block]],
+    singles: Mapping[str, Sequence[float]],
+    total: float,
+    unit: float,
+) -> tuple[PlaceEvidence, ...]:
+    """Places with the probability that something acts there, the likeliest first.
+
+    One place at most is taken to act, and as likely as any other; nothing is likelier before the
+    data by :data:`~iwanjax.estimation.evidence.LEAST_GAIN`. What acts may be one law, or a mixture
+    of all as a block has it: an effect of the catalogue that is weak need not pay for all others.
+
+    Parameters
+    ----------
+    blocks : mapping of str to sequence of Block
+        Of each place: its laws; a joint that drifts.
+    singles : mapping of str to sequence of float
+        Of each place what each suspect alone takes off the squared residual.
+    total : float
+        The squared residual.
+    unit : float
+        As for :func:`log_evidence`.
+    """
+    found = []
+    for where in dict.fromkeys([*blocks, *singles]):
+        alone, own = singles.get(where, ()), list(blocks.get(where, ()))
+        ones = [Block(np.ones(1), np.array([taken])) for taken in alone]
+        mixed = [log_evidence(each, unit, total) for each in own]
+        if ones:
+            mixed.append(_mean([log_evidence(each, unit, total) for each in ones]))
+        best = max([*own, *ones], key=lambda each: each.reduction)
+        found.append((where, best, _mean(mixed)))
+    odds = shares(np.array([LEAST_GAIN, *(value for *_, value in found)]))[1:]
+    places = [
+        PlaceEvidence(where, float(odd), best.reduction / total, len(best.taken), value)
+        for (where, best, value), odd in zip(found, odds, strict=True)
+    ]
+    return tuple(sorted(places, key=lambda each: -each.log_evidence))
+
+
+def with_verdict(
+    places: Sequence[PlaceEvidence],
+    named: Sequence[tuple[Sequence[str], float]],
+    something_else: float,
+) -> tuple[PlaceEvidence, ...]:
+    r"""Places by the verdict on refits, and by blocks as far as it names nothing.
+
+    .. math:: P(w) = \sum_{i \ni w} P_i + P_{else}\,\frac{B_w}{\sum_v B_v}
+
+    with the probabilities :math:`P_i` of hypotheses that have something at w, and the blocks' Bayes
+    factors B. Of several effects at once each place has their probability.
+
+    Parameters
+    ----------
+    places : sequence of PlaceEvidence
+        As :func:`places_by_evidence` has them.
+    named : sequence of (sequence of str, float)
+        Places of each hypothesis, with its probability.
+    something_else : float
+        That the truth is none of them.
+    """
+    if not places:
+        return ()
+    of_blocks = something_else * shares(np.array([each.log_evidence for each in places]))
+    found = []
+    for each, unnamed in zip(places, of_blocks, strict=True):
+        there = sum(probability for where, probability in named if each.where in where)
+        found.append(each._replace(probability=min(1.0, float(unnamed) + there)))
+    return tuple(sorted(found, key=lambda each: -each.probability))
