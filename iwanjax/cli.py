@@ -70,8 +70,10 @@ held-out recordings are predicted with it. A structure is judged by recordings w
 decays or curves of its modes, a joint on its own by its loops, single modes by their frequency and
 damping. Takes some seconds to some minutes. Writes report.html, diagnosis.json and pictures.
 """
-_INSPECT_HELP = """What a file holds: recordings with their noise and clipping, or matrices.
+_INSPECT_HELP = """What a file holds: recordings and what is wrong with them, or matrices.
 
+Of recordings it tells levels, noise, clipping, hum, offsets, drift, dropouts, double hits, wrong
+signs and bands, and writes down a study to begin with.
 Of mass and stiffness matrices it tells supports, mass, lowest frequencies and mixed-up units.
 """
 _LAWS_HELP = """The laws that joints may have, with their parameters.
@@ -122,12 +124,19 @@ def inspect_verb(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="A recording, or a file of matrices.")
     ],
+    out: Annotated[
+        Path | None, typer.Option(help="A folder for the same as JSON, with a figure.")
+    ] = None,
+    variable: Annotated[str | None, typer.Option(help="The struct, group or cell to read.")] = None,
+    sampling_rate: Annotated[
+        float | None, typer.Option(help="Hz, of a file that does not say.")
+    ] = None,
 ) -> None:
     """Tell what a file holds."""
     with _one_line_errors():
         from iwanjax.verbs.inspect import run
 
-        typer.echo(run(file))
+        typer.echo(run(file, out, variable=variable, sampling_rate=sampling_rate))
 
 
 @app.command("laws", help=_LAWS_HELP)

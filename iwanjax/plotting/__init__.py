@@ -25,12 +25,18 @@ from iwanjax.plotting.linear import plot_linear
 from iwanjax.plotting.loops import plot_loops
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.quasistatic import plot_qsma
-from iwanjax.plotting.ringdown import plot_measured, plot_merged, plot_ringdown
+from iwanjax.plotting.ringdown import (
+    plot_contents,
+    plot_measured,
+    plot_merged,
+    plot_ringdown,
+)
 from iwanjax.plotting.shapes import plot_assurance, plot_shapes, plot_strokes
 from iwanjax.plotting.single_mode import plot_decays, plot_modes
 from iwanjax.plotting.trade_off import plot_front, plot_sampled
 from iwanjax.plotting.transient import plot_driven, plot_hysteresis, plot_transient
 from iwanjax.quasistatic import QsmaSolution
+from iwanjax.signals import FileContents
 from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
 from iwanjax.studies import MeasuredMode, StudyResults
@@ -39,6 +45,7 @@ __all__ = [
     "plot",
     "plot_assurance",
     "plot_bands",
+    "plot_contents",
     "plot_curves",
     "plot_decays",
     "plot_diagnosis",
@@ -125,6 +132,7 @@ def plot(obj: Any, **options: Any) -> Figure:
 plot.register(AbstractJoint, plot_joint)
 plot.register(ModalCurves, plot_curves)
 plot.register(QsmaSolution, plot_qsma)
+plot.register(FileContents, plot_contents)
 plot.register(RingDown, plot_ringdown)
 plot.register(MergedCurves, plot_merged)
 plot.register(SimulatedResponse, plot_transient)

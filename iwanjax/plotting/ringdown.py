@@ -20,7 +20,16 @@ from iwanjax.plotting.curves import (
     frequency_label,
     plot_curves,
 )
-from iwanjax.plotting.style import GREY, PALETTE, SINGLE_COLUMN, paper_style, set_up
+from iwanjax.plotting.style import (
+    DOUBLE_COLUMN,
+    GREY,
+    PALETTE,
+    SINGLE_COLUMN,
+    paper_style,
+    set_up,
+    with_unit,
+)
+from iwanjax.signals.contents import FileContents
 from iwanjax.signals.hilbert import RingDown
 from iwanjax.signals.merge import MergedCurves
 from iwanjax.studies import MeasuredMode
@@ -32,6 +41,57 @@ _MOST_SAMPLES = 4000
 _KNOWN = 0.25
 # Share of the points' own range that is left free above and below them.
 _MARGIN = 0.08
+
+
+@paper_style()
+def plot_contents(contents: FileContents, recording: int = 0) -> Figure:
+    """Time histories and amplitude spectra of a file's channels, one row each.
+
+    Parameters
+    ----------
+    contents : FileContents
+        Result of :func:`iwanjax.signals.file_contents`.
+    recording : int
+        Which of the recordings that are sound, counted from 0.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    InputError
+        Where there is no such recording.
+    """
+    if not 0 <= recording < len(contents.sound):
+        raise InputError(
+            f"plot_contents: recording = {recording}; {contents.path} has {len(contents.sound)} "
+            "that can be used"
+        )
+    shown = contents.sound[recording]
+    rows = (*shown.channels, *shown.inputs)
+    figure, axes = plt.subplots(
+        len(rows),
+        2,
+        figsize=(DOUBLE_COLUMN, 1.2 * len(rows) + 0.6),
+        sharex="col",
+        squeeze=False,
+        layout="constrained",
+    )
+    set_up(*axes.flat)
+    every = max(1, shown.size // _MOST_SAMPLES)
+    for (left, right), channel in zip(axes, rows, strict=True):
+        x = shown.channel(channel.name)
+        left.plot(shown.time[::every], x[::every], color=PALETTE[0], linewidth=0.6)
+        left.set_ylabel(with_unit(channel.name, channel.unit))
+        spectrum = 2.0 * np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) / x.size
+        frequency = np.fft.rfftfreq(x.size, 1.0 / shown.sampling_rate)
+        right.semilogy(frequency[1:], spectrum[1:], color=PALETTE[0], linewidth=0.6)
+    axes[-1, 0].set_xlabel("Time $t$ (s)")
+    axes[-1, 1].set_xlabel("Frequency (Hz)")
+    axes[-1, 0].set_xlim(shown.time[0], shown.time[-1])
+    axes[-1, 1].set_xlim(0.0, 0.5 * shown.sampling_rate)
+    return figure
 
 
 @paper_style()

@@ -1,6 +1,6 @@
 """Signals: recordings of measurements, the files they come in, and the curves they hold."""
 
-from iwanjax.signals.contents import file_contents
+from iwanjax.signals.contents import FileContents, file_contents
 from iwanjax.signals.curves_file import read_curves, read_force_control, read_response_control
 from iwanjax.signals.filters import band_pass, modal_filter
 from iwanjax.signals.force_control import curves_from_force_control
@@ -18,6 +18,7 @@ from iwanjax.signals.response_control import (
 __all__ = [
     "Channel",
     "ControlledResonance",
+    "FileContents",
     "ForceLoop",
     "MergedCurves",
     "Recording",

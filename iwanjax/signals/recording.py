@@ -155,7 +155,7 @@ class Recording(AbstractResult):
     @property
     def clipped(self) -> dict[str, int]:
         """Names of the channels that rest at their extremes, and for how many samples."""
-        counts = {name: clipped_samples(self.channel(name)) for name in self._names()}
+        counts = {name: clipped_samples(self.channel(name)) for name in self.names}
         return {name: count for name, count in counts.items() if count}
 
     def channel(self, name: str) -> np.ndarray:
@@ -175,7 +175,7 @@ class Recording(AbstractResult):
         InputError
             For an unknown name, with the known ones.
         """
-        names = self._names()
+        names = self.names
         if name not in names:
             raise InputError(
                 f"{self.name}: no channel {name!r}; expected one of {', '.join(names)}"
@@ -187,7 +187,9 @@ class Recording(AbstractResult):
         assert self.force is not None
         return self.force[:, column - len(self.channels)]
 
-    def _names(self) -> list[str]:
+    @property
+    def names(self) -> list[str]:
+        """Of the channels, then of the inputs."""
         return [channel.name for channel in (*self.channels, *self.inputs)]
 
     def _check(self) -> None:
@@ -202,7 +204,7 @@ class Recording(AbstractResult):
             raise InputError(f"{len(self.inputs)} inputs are named but there is no force")
         if not self.channels:
             raise InputError("response has no channels; expected at least one")
-        if repeated := [name for name, n in Counter(self._names()).items() if n > 1]:
+        if repeated := [name for name, n in Counter(self.names).items() if n > 1]:
             raise InputError(f"{repeated[0]!r} names two channels; names must be unique")
         for channel in self.channels:
             self._check_channel(channel, zero_is_fine=False)

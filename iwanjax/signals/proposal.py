@@ -1,0 +1,123 @@
+"""A study to begin with, for a file that was looked into."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from iwanjax.signals.channel_checks import band_with_energy
+from iwanjax.signals.recording import Channel, Recording
+
+_WIDE = 0.25
+"""Half a band around a peak, as share of its frequency: that of a study with a structure."""
+_ASK = "  # the file does not say: put acceleration, velocity or displacement"
+
+
+_MOTIONS = ("acceleration", "velocity", "displacement")
+
+
+def strongest_channel(recording: Recording) -> Channel:
+    """The response of largest rms, among those that are known to measure a motion where any is."""
+    known = [channel for channel in recording.channels if channel.quantity in _MOTIONS]
+    return max(
+        known or recording.channels,
+        key=lambda channel: float(np.std(recording.channel(channel.name))),
+    )
+
+
+def history_study(
+    path: Path,
+    recording: Recording,
+    channel: Channel,
+    peaks: Sequence[float],
+    options: dict[str, object],
+) -> str:
+    """A study of free decays, or of hits with force, of the strongest mode.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    recording : Recording
+        The first that is sound in it.
+    channel : Channel
+        Which response of it.
+    peaks : sequence of float
+        Highest peaks of that channel's spectrum, Hz.
+    options : dict
+        What was needed to read it: ``variable``, ``sampling_rate``.
+
+    Returns
+    -------
+    str
+        YAML, which a study file may begin with as it is.
+    """
+    rate = recording.sampling_rate
+    if peaks and peaks[0] > 0.0:
+        low, high = peaks[0] * (1.0 - _WIDE), min(peaks[0] * (1.0 + _WIDE), 0.49 * rate)
+    else:
+        low, high = band_with_energy(recording.channel(channel.name), rate)
+    forced = recording.force is not None and np.any(recording.force)
+    known = channel.quantity in _MOTIONS
+    lines = [
+        *(f"    {key}: {json.dumps(value)}" for key, value in options.items()),
+        f"    kind: {'transient' if forced else 'free_decay'}",
+        "    response:",
+        f"      channel: {_quoted(channel.name)}",
+        f"      quantity: {channel.quantity if known else f'acceleration{_ASK}'}",
+        *([f"      unit: {_quoted(channel.unit)}"] if channel.unit else []),
+    ]
+    low = max(low, 2.0 * rate / recording.size)
+    return _study(path, f"[{low:.4g}, {max(high, 1.5 * low):.4g}]", lines)
+
+
+def curve_study(path: Path, kind: str, frequency: np.ndarray) -> str:
+    """A study of curves, or of stepped sines.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : str
+        Of the recording.
+    frequency : (levels,) array
+        Hz.
+    """
+    low, high = float(np.min(frequency)), float(np.max(frequency))
+    if low == high:
+        low, high = (1.0 - _WIDE) * low, (1.0 + _WIDE) * high
+    return _study(path, f"[{low:.6g}, {high:.6g}]", [f"    kind: {kind}"])
+
+
+def loop_study(path: Path, columns: Sequence[str] = ()) -> str:
+    """A study of a joint's loops: displacement and force by the names of their columns."""
+    named = []
+    if columns:
+        named = [
+            f"    response: {{channel: {_quoted(columns[0])}, quantity: displacement}}",
+            f"    force: {{array: {_quoted(columns[1])}}}",
+        ]
+    head = f"name: {_quoted(path.stem)}\nmodel:\n  modal:\n    - {{name: joint, band: [1, 2], joint: {{type: iwan4}}}}\n"
+    lines = ["    kind: loop", "    joint: joint", *named]
+    return f"{head}recordings:\n  - file: {_quoted(path.name)}\n" + "\n".join(lines) + "\n"
+
+
+def _study(path: Path, band: str, lines: Sequence[str]) -> str:
+    return "\n".join(
+        [
+            f"name: {_quoted(path.stem)}",
+            "model:",
+            "  modal:",
+            f"    - {{name: mode1, band: {band}, joint: {{type: iwan4}}}}",
+            "recordings:",
+            f"  - file: {_quoted(path.name)}",
+            *lines,
+            "",
+        ]
+    )
+
+
+def _quoted(text: str) -> str:
+    """Text as YAML takes it, whatever is in it."""
+    return json.dumps(text, ensure_ascii=False)
