@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         simulate,
     )
     from iwanjax.estimation import LogNormal, LogUniform, Normal, Parameter, Uniform
+    from iwanjax.modal_analysis import ModalTest, modal_test
     from iwanjax.plotting import plot
     from iwanjax.signals import (
         ForceLoop,
@@ -101,6 +102,8 @@ _LATER = {
     "nonlinear_modes": "iwanjax.dynamics",
     "SimulatedResponse": "iwanjax.dynamics",
     "simulate": "iwanjax.dynamics",
+    "ModalTest": "iwanjax.modal_analysis",
+    "modal_test": "iwanjax.modal_analysis",
     "plot": "iwanjax.plotting",
     "ForceLoop": "iwanjax.signals",
     "Recording": "iwanjax.signals",
@@ -160,6 +163,7 @@ __all__ = [
     "Measurement",
     "ModalCurves",
     "ModalOscillator",
+    "ModalTest",
     "Normal",
     "Parameter",
     "Posterior",
@@ -192,6 +196,7 @@ __all__ = [
     "modal_decays",
     "modal_filter",
     "modal_parameters",
+    "modal_test",
     "nonlinear_modes",
     "oscillator",
     "pareto_front",
@@ -217,6 +222,7 @@ __all__ = [
 
 
 def _draw(result: Any, **options: Any) -> Any:
+    from iwanjax.modal_analysis import ModalTest, modal_test
     from iwanjax.plotting import plot
 
     return plot(result, **options)

@@ -32,6 +32,8 @@ From hammer hits to joint parameters:
 From a model and recordings to what the model lacks:
   iwanjax diagnose  study.yaml                  --out results/study
   iwanjax laws
+From low-level recordings to a linear model:
+  iwanjax modal     configs/f16.yaml            --out results/f16
 From a model to its curves:
   iwanjax qsma      configs/three_mass.yaml     --out results/three_mass
 From a model to its response in time:
@@ -46,6 +48,11 @@ _SIMULATE_HELP = """The response in time to impacts, sines, sweeps or recorded f
 
 Integrates the study's structure, or drives a joint on its own, for each case of its simulate
 section. Writes simulate.json (peaks, energies), simulate.npz and a picture of each case.
+"""
+_MODAL_HELP = """Natural frequencies, damping and mode shapes from low-level recordings.
+
+The modal test of a study's model.test: frequency response functions, poles, and a fit of real
+modes with deviations. Writes modal.json, modal.npz, modal.png and model.npz, the linear model.
 """
 _CURVES_HELP = """Frequency and damping of each mode against amplitude, from recordings.
 
@@ -146,6 +153,12 @@ def laws_verb() -> None:
         from iwanjax.verbs.laws import run
 
         typer.echo(run())
+
+
+@app.command("modal", help=_MODAL_HELP)
+def modal_verb(study: _Study, out: _Out) -> None:
+    """The modal test of a study, written into a folder."""
+    _run("modal", study, out)
 
 
 @app.command("curves", help=_CURVES_HELP)

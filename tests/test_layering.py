@@ -27,7 +27,7 @@ LAYERS = [
     {"structures", "effects"},
     {"quasistatic", "dynamics"},
     {"estimation"},
-    {"updating"},
+    {"updating", "modal_analysis"},
     {"identification"},
     {"discrepancy", "config"},
     {"studies"},

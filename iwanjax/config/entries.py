@@ -46,7 +46,7 @@ def recording_entries(
     source: Source, sections: Sequence[RecordingSection], names: Names
 ) -> tuple[RecordingEntry, ...]:
     """Hold each entry of a file against its kind, the disk and the model."""
-    return tuple(_entry(source, i, each, names) for i, each in enumerate(sections))
+    return tuple(_entry(source, ("recordings", i), each, names) for i, each in enumerate(sections))
 
 
 def measured_entries(
@@ -61,7 +61,7 @@ def measured_entries(
         name = label if labels.count(label) == 1 else f"{label}[{i}]"
         raw = _as_section(source, ("recordings", i), each, name, names)
         section = source.validated(RecordingSection, raw, ("recordings", i))
-        found.append(_entry(source, i, section, names, each.data))
+        found.append(_entry(source, ("recordings", i), section, names, each.data))
     return tuple(found)
 
 
@@ -93,10 +93,18 @@ def _as_section(
     return said
 
 
+def history_entry(source: Source, place: Place, section: RecordingSection) -> RecordingEntry:
+    """A time history that a model is to be identified from, whose channels may have any names."""
+    if section.kind not in _HISTORIES:
+        raise source.error(
+            (*place, "kind"), f"got {section.kind}; expected one of {', '.join(_HISTORIES)}"
+        )
+    return _entry(source, place, section, Names())
+
+
 def _entry(
-    source: Source, i: int, section: RecordingSection, names: Names, data: Data | None = None
+    source: Source, place: Place, section: RecordingSection, names: Names, data: Data | None = None
 ) -> RecordingEntry:
-    place: Place = ("recordings", i)
     _refuse_foreign(source, place, section)
     path = existing(source, (*place, "file"), section.file) if data is None else None
     if section.kind in _HISTORIES:

@@ -1,15 +1,15 @@
 """What a study file may hold."""
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from iwanjax.config.faults import fault
 from iwanjax.config.matrices import MatricesSection
 from iwanjax.config.prior import Prior
 from iwanjax.config.qsma import QsmaSettings
 from iwanjax.config.recordings import RecordingSection
-from iwanjax.config.section import Band, ConfigSection, Index, OneOrMore, Pair, Positive
+from iwanjax.config.section import Band, ConfigSection, Count, Index, OneOrMore, Pair, Positive
 from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
 from iwanjax.config.simulate import SimulateSections
 from iwanjax.structures import LinearTrust
@@ -17,7 +17,11 @@ from iwanjax.structures import LinearTrust
 Shares = Annotated[tuple[Annotated[float, Field(ge=0, lt=1)], ...], Field(min_length=1), OneOrMore]
 """Relative deviations: half, not 50."""
 
-_SOURCES = ("file", "matrices", "builder", "modal")
+_SOURCES = ("file", "matrices", "builder", "test", "modal")
+
+_Tested = Annotated[
+    RecordingSection, BeforeValidator(lambda raw: {"file": raw} if isinstance(raw, str) else raw)
+]
 
 
 class JointSection(ConfigSection):
@@ -62,12 +66,27 @@ class TrustSection(ConfigSection):
         return LinearTrust(**self.model_dump(exclude_none=True))
 
 
+class ModalTestSection(ConfigSection):
+    """The ``test:`` of a model: recordings that its modes come from."""
+
+    recordings: Annotated[tuple[_Tested, ...], Field(min_length=1), OneOrMore]
+    band: Band | None = None
+    order: Literal["auto"] | Count = "auto"
+    driving_points: dict[str, str] = Field(default_factory=dict)
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    excitation: Literal["auto", "transient", "periodic", "random", "decay"] = "auto"
+    period: Positive | None = None
+    block: Positive | None = None
+    window: Annotated[float, Field(ge=0)] | None = None
+
+
 class ModelSection(ConfigSection):
-    """The ``model:`` section: a structure from files or a builder, and joints; or single modes."""
+    """The ``model:`` section: a structure from files, a builder or a test; or single modes."""
 
     file: str | None = None
     matrices: MatricesSection | None = None
     builder: str | None = None
+    test: ModalTestSection | None = None
     modal: Annotated[tuple[ModalSection, ...], Field(min_length=1)] | None = None
     options: dict[str, Any] | None = None
     joints: tuple[JointSection, ...] = ()
@@ -78,7 +97,7 @@ class ModelSection(ConfigSection):
         given = [name for name in _SOURCES if getattr(self, name) is not None]
         if len(given) != 1:
             got = f"both {' and '.join(given)}" if given else "neither"
-            raise fault(f"got {got}; expected one of file, matrices, builder and modal")
+            raise fault(f"got {got}; expected one of file, matrices, builder, test and modal")
         if self.options is not None and self.builder is None:
             raise fault(f"got options for a {given[0]}; only a builder takes options", "options")
         if self.modal is not None and self.joints:

@@ -12,15 +12,18 @@ from iwanjax.config.matrices import model_of_matrices
 from iwanjax.config.schema import ModelSection
 from iwanjax.config.source import Source
 from iwanjax.joints import AbstractJoint
+from iwanjax.modal_analysis import ModalTest
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.model_file import Model, read_model
 from iwanjax.structures.systems import damped
 
 
-def model_of(source: Source, section: ModelSection) -> tuple[Model, JointedStructure]:
-    """What a ``model:`` section with files or a builder describes."""
+def model_of(
+    source: Source, section: ModelSection, test: ModalTest | None = None
+) -> tuple[Model, JointedStructure]:
+    """What a ``model:`` section with files, a builder or a modal test describes."""
     elements = [element_of(source, i, joint) for i, joint in enumerate(section.joints)]
-    found = _built(source, section, elements)
+    found = _built(source, section, elements, test)
     model = found.model
     joints = (
         _joints(source, section, elements, model.rows)
@@ -33,12 +36,20 @@ def model_of(source: Source, section: ModelSection) -> tuple[Model, JointedStruc
     return replace(model, structure=structure.structure), structure
 
 
-def _built(source: Source, section: ModelSection, elements: Sequence[AbstractJoint]) -> Built:
+def _built(
+    source: Source,
+    section: ModelSection,
+    elements: Sequence[AbstractJoint],
+    test: ModalTest | None,
+) -> Built:
     """The structure without the study's joints."""
     if section.builder is not None:
         return built(source, section.builder, section.options or {}, elements)
     if section.matrices is not None:
         return Built(model_of_matrices(source, section.matrices), {})
+    if test is not None:
+        with source.blamed("model", "test"):
+            return Built(test.model(), {})
     assert section.file is not None
     with source.blamed("model", "file"):
         return Built(read_model(source.folder / section.file), {})

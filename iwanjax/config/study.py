@@ -11,6 +11,7 @@ from iwanjax.config.cases import SimulationCase, simulation_cases
 from iwanjax.config.entries import measured_entries, recording_entries
 from iwanjax.config.faults import one_of
 from iwanjax.config.modal import ModalMode, modal_modes
+from iwanjax.config.modal_test import tested
 from iwanjax.config.names import Names, known, once
 from iwanjax.config.parameters import ParameterChange, modal_changes, structural_changes
 from iwanjax.config.qsma import QsmaSettings
@@ -20,6 +21,7 @@ from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSett
 from iwanjax.config.source import Place, Source
 from iwanjax.config.structure import model_of
 from iwanjax.errors import InputError
+from iwanjax.modal_analysis import ModalTest
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.model_file import Model
@@ -75,7 +77,10 @@ class StudySetup:
     noise : dict of str to float
         Standard deviation of a sensor's noise, in its unit.
     trust : LinearTrust or None
-        How exact the linear model is; None leaves it to the diagnosis.
+        How exact the linear model is; of a modal test its deviations where the study says nothing,
+        else None leaves it to the diagnosis.
+    test : ModalTest or None
+        What ``model.test`` has come to.
     hypotheses : tuple of str
         What may be missing; empty for all that is known.
     budget : float or None
@@ -104,6 +109,7 @@ class StudySetup:
     hypotheses: tuple[str, ...]
     budget: float | None
     seed: int
+    test: ModalTest | None = None
 
     def parameters(
         self, mode: str | None, defaults: Mapping[str, "Parameter"]
@@ -169,7 +175,7 @@ def read_study(path: str | Path) -> StudySetup:
     ----------
     path : str or Path
         A YAML file with ``name`` and ``model``: a ``file`` of ours, ``matrices`` of another
-        program or a ``builder``, with ``joints`` and ``trust``, how exact it is
+        program, a ``builder``, or a modal ``test`` of recordings, with ``joints`` and ``trust``, how exact it is
         (``{frequencies: 0.005, damping: 0.3}``); or ``modal``, single modes.
         Optional are ``recordings``, what is analysed (``modes``, ``bands``), what is known
         of parameters (``bounds``, ``priors``, ``values``, ``fixed``; those of a structure are
@@ -190,15 +196,19 @@ def read_study(path: str | Path) -> StudySetup:
     source = Source.read(Path(path))
     section = source.validated(StudySection, source.content)
     modal = modal_modes(source, section.model.modal or ())
-    model, structure = (None, None) if modal else model_of(source, section.model)
+    asked = section.model.test
+    test = None if asked is None else tested(source, asked, section.recordings)
+    model, structure = (None, None) if modal else model_of(source, section.model, test)
     # Builders of a few masses name no sensors: theirs are called as recordings please.
     named = section.model.builder is None or (model is not None and bool(model.sensors))
     setup, names = _setup(source, section, modal, model, structure, named)
     trust = section.model.trust
+    known = None if test is None else test.trust
     return replace(
         setup,
         recordings=recording_entries(source, section.recordings, names),
-        trust=None if trust is None else trust.checked(),
+        trust=known if trust is None else trust.checked(),
+        test=test,
     )
 
 
@@ -337,7 +347,7 @@ def _refuse_structural(source: Source, section: Sections) -> None:
     for place in given:
         raise source.error(
             place,
-            "needs a structure, model.file, model.matrices or model.builder; this study has modal",
+            "needs a structure, model.file, matrices, builder or test; this study has modal",
         )
 
 

@@ -11,6 +11,9 @@ from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart
 from iwanjax.estimation.problem import AbstractLeastSquares, residuals_and_slopes
 
+# Share of the least frequency below the band: nearer to it no fit can tell the difference.
+_NEAR = 1e-6
+
 
 class Modes(NamedTuple):
     """What the fitted functions are made of.
@@ -121,7 +124,9 @@ class ModalModel(AbstractLeastSquares):
         each = self.count if self.decays else self.count + 1
         omega = jnp.asarray(modes.omega[:each])
         if not self.decays:
-            omega = omega.at[-1].add(-self.lowest)
+            # Where it is the least, as near to it as the logarithm can begin.
+            above = jnp.maximum(omega[-1] - self.lowest, _NEAR * self.lowest)
+            omega = omega.at[-1].set(above)
         poles = jnp.log(omega), jnp.log(modes.zeta[:each])
         parts = (*poles, modes.shapes, drives, modes.remote)
         return jnp.concatenate([jnp.ravel(each) for each in parts])

@@ -23,6 +23,7 @@ from iwanjax.plotting.fit import plot_fit, plot_study_fit
 from iwanjax.plotting.joints import plot_joint
 from iwanjax.plotting.linear import plot_linear
 from iwanjax.plotting.loops import plot_loops
+from iwanjax.plotting.modal_test import plot_modal_test
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
 from iwanjax.plotting.quasistatic import plot_qsma
 from iwanjax.plotting.ringdown import (
@@ -57,6 +58,7 @@ __all__ = [
     "plot_linear",
     "plot_loops",
     "plot_merged",
+    "plot_modal_test",
     "plot_modes",
     "plot_places",
     "plot_posterior",
@@ -73,6 +75,7 @@ __all__ = [
 
 # By name: their modules load the optimisers and emcee, which other figures do not need.
 _BY_NAME = {
+    "iwanjax.modal_analysis.result.ModalTest": plot_modal_test,
     "iwanjax.updating.solution.FitSolution": plot_fit,
     "iwanjax.updating.linear_solution.LinearSolution": plot_linear,
     "iwanjax.updating.pareto.ParetoFront": plot_front,
@@ -91,8 +94,8 @@ def plot(obj: Any, **options: Any) -> Figure:
     ----------
     obj : object
         A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, SimulatedResponse, ModalDecays,
-        Diagnosis, FitSolution, LinearSolution, SampledFits, ParetoFront or Posterior, or what a
-        study returns.
+        Diagnosis, FitSolution, LinearSolution, ModalTest, SampledFits, ParetoFront or Posterior, or
+        what a study returns.
     **options
         Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
         :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_transient`, :func:`plot_fit` or
@@ -124,8 +127,8 @@ def plot(obj: Any, **options: Any) -> Figure:
     raise InputError(
         f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
         "RingDown, MergedCurves, SimulatedResponse, ModalDecays, "
-        "Diagnosis, FitSolution, LinearSolution, SampledFits, ParetoFront or Posterior, or what a "
-        "study returns"
+        "Diagnosis, FitSolution, LinearSolution, ModalTest, SampledFits, ParetoFront or Posterior, "
+        "or what a study returns"
     )
 
 

@@ -306,7 +306,7 @@ def _settled(periods: Float[np.ndarray, "n N s"]) -> int:
 
 
 def _decay_left(recording: Recording) -> float:
-    """sigma of the exponential window that lets a response end, 1/s."""
+    """Decay rate of the exponential window that lets a response end, 1/s."""
     x = np.sqrt(np.mean(recording.response**2, axis=1))
     tail = x[-max(recording.size // 20, 1) :]  # a twentieth: some cycles of what is left
     left = float(np.sqrt(np.mean(tail**2)) / np.max(x))

@@ -18,7 +18,9 @@ def model_of_modes(
 ) -> Model:
     r"""The structure that has these mass-normalised modes.
 
-    .. math:: M = I, \qquad C = \mathrm{diag}(2\zeta_r\omega_r), \qquad K = \mathrm{diag}(\omega_r^2)
+    .. math::
+        M = I, \qquad C = \mathrm{diag}(2\zeta_r\omega_r), \qquad
+        K = \mathrm{diag}(\omega_r^2)
 
     Its rows are each sensor against the ground (``a1-ground``), the differences of each two
     (``a3-a2``), and those inputs that act where no sensor is.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from iwanjax.config import RecordingEntry, StudySetup
+from iwanjax.config.reading import part_of, read_force_loop, recordings_of
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.discrepancy import Diagnosis, StudyRecording, diagnose_histories
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
@@ -20,7 +21,6 @@ from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals import ForceLoop, Recording
 from iwanjax.studies.fits import of_one_quantity
 from iwanjax.studies.measured import MeasuredMode, measured_modes
-from iwanjax.studies.reading import part_of, read_force_loop, recordings_of
 from iwanjax.updating import modal_parameters
 from iwanjax.updating.structural import joint_parameters
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from iwanjax.config import RecordingEntry, StudySetup
+from iwanjax.config.reading import STEPPED, blamed, part_of, read_modal_curves, recordings_of
 from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.results import AbstractResult
@@ -17,7 +18,6 @@ from iwanjax.signals import (
     modal_filter,
     ringdown,
 )
-from iwanjax.studies.reading import STEPPED, blamed, part_of, read_modal_curves, recordings_of
 from iwanjax.tables import Block
 
 # Where a mode of a structure is looked for, as share of its frequency, unless neighbours are

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.config import SimulationCase
+from iwanjax.config.reading import blamed
 from iwanjax.config.simulate import (
     Amplitude,
     ModalImpact,
@@ -25,7 +26,6 @@ from iwanjax.joints import AbstractJoint, hysteresis
 from iwanjax.joints.hysteresis import last_amplitude
 from iwanjax.results import AbstractResult
 from iwanjax.signals import read_recording
-from iwanjax.studies.reading import blamed
 from iwanjax.types import ArrayLike
 
 

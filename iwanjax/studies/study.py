@@ -16,13 +16,16 @@ from iwanjax.types import ArrayLike
 if TYPE_CHECKING:
     from iwanjax.discrepancy import Diagnosis
     from iwanjax.dynamics import SimulatedResponse
+    from iwanjax.modal_analysis import ModalTest
     from iwanjax.quasistatic import QsmaSolution
     from iwanjax.studies.fits import StudyFit
     from iwanjax.studies.simulations import DrivenJoint
     from iwanjax.updating import Posterior
 
-_A_STRUCTURE = (
-    "needs a structure, model.file, model.matrices or model.builder; this study has modal"
+_A_STRUCTURE = "needs a structure, model.file, matrices, builder or test; this study has modal"
+_TEST = (
+    "there is no modal test; add for instance model: {test: {recordings: [low_level.mat], "
+    "band: [2, 15], driving_points: {F: a1}}}, or call modal_test with recordings"
 )
 _QSMA = (
     "there is no qsma section; add for instance "
@@ -168,6 +171,18 @@ class Study:
             For a study of single modes, another size or joints of other names.
         """
         return self.of(self.setup.with_structure(structure))
+
+    def modal_test(self) -> "ModalTest":
+        """Modes by the low-level recordings of ``model.test``, with deviations.
+
+        Raises
+        ------
+        InputError
+            For a study whose model comes from elsewhere.
+        """
+        if self.setup.test is None:
+            raise InputError(f"{self.setup.label}: {_TEST}")
+        return self.setup.test
 
     def curves(self) -> StudyResults[MeasuredMode]:
         """Frequency and damping of each mode against amplitude, as the recordings have them.

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 import iwanjax as ij
 from iwanjax.config import read_study
-from iwanjax.studies.reading import recordings_of
+from iwanjax.config.reading import recordings_of
 
 RATE = 100.0
 X = np.random.default_rng(0).standard_normal((400, 4))

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from iwanjax.config import RecordingEntry
+from iwanjax.config.recordings import RecordingEntry
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.signals import (
