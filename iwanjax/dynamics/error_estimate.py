@@ -8,7 +8,8 @@ what the average acceleration does otherwise than its equation of motion. What f
 period that is shorter than the step cannot be seen from the step's ends: so the share of the motion
 that is in such modes is known, too. A joint that turns within a step has gone further than either
 end, by :math:`\delta`. The error moves on as a small motion of its own, by the same rule with the
-joints' tangents; where the steps are short, by one for four of them.
+joints' tangents; where the steps are short, by one for four of them. It is held against the motion
+at the samples: of a mode that rings whole periods from one to the next they show almost nothing.
 
 A joint of sliders remembers the force at which it turned. After a turn with the error
 :math:`\varepsilon` in deflection and the slope K before it, the branch that starts there with its
@@ -73,8 +74,8 @@ class ErrorState(NamedTuple):
     begun : array
         Number of steps since the first instant, two for more and where nothing changed there.
     sums : (5,) array
-        Squared error and size of the elastic modes' displacements, then of their velocities; and
-        squared velocities of those that joints move too fast for the step.
+        Squared error and, at samples, size of the elastic modes' displacements, then of their
+        velocities; and squared velocities of those that joints move too fast for the step.
     """
 
     motion: ModalMotion
@@ -134,12 +135,15 @@ class Estimator(eqx.Module):
         Which joints have sliders.
     size : int
         Steps of the simulation for one of the error.
+    substeps : int
+        Steps of the simulation from one sample to the next.
     """
 
     by: Stepper
     grouped: Stepper
     remember: Bool[Array, " joints"]
     size: int = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
 
     def init(self, changing: Array) -> ErrorState:
         """No error yet; ``changing`` says whether forces are in change at the first instant."""
@@ -179,6 +183,20 @@ class Estimator(eqx.Module):
         due = error.steps == self.size
         return jax.lax.cond(due, lambda e: self._moved(e, step), lambda e: e, error)
 
+    def sampled(self, error: ErrorState, motion: ModalMotion, counts: Array) -> ErrorState:
+        """The state at a sample: its motion counts as often as errors are added before it."""
+        if self.substeps == 1:
+            return error
+        motion = jax.lax.stop_gradient(motion)
+        none = jnp.zeros((), counts.dtype)
+        q, v = (self._square(x) for x in (motion.displacement, motion.velocity))
+        often = counts * self.substeps / self.size
+        return error._replace(sums=error.sums + often * jnp.stack([none, q, none, v, none]))
+
+    def _square(self, x: Array) -> Array:
+        """Sum of squares over the elastic modes."""
+        return jnp.sum(jnp.where(self.by.modal.omega2 > 0.0, x**2, 0.0))
+
     def _moved(self, error: ErrorState, step: Step) -> ErrorState:
         """The error after a step of its own."""
         by, modal, reaction = self.grouped, self.by.modal, step.reaction
@@ -194,13 +212,18 @@ class Estimator(eqx.Module):
         soft = (end.stiffness - reaction.stiffness) * d
         g = solved(end, reaction, soft - reaction.stiffness * error.offset - reaction.damping * v)
         motion = by.pushed(free, g)
-        elastic = modal.omega2 > 0.0
-        now = step.after
-        off_q, off_v = off_q + motion.displacement, off_v + motion.velocity
-        found = [off_q, now.displacement, off_v, now.velocity]
+        now, none = step.after, jnp.zeros((), step.counts.dtype)
+        each = self.substeps == 1
         moved_fast = self.by.fast & jnp.any(modal.P != 0.0, axis=0)
-        seen = [*((elastic, x) for x in found), (moved_fast, now.velocity)]
-        squares = jnp.stack([jnp.sum(jnp.where(which, x**2, 0.0)) for which, x in seen])
+        squares = jnp.stack(
+            [
+                self._square(off_q + motion.displacement),
+                self._square(now.displacement) if each else none,
+                self._square(off_v + motion.velocity),
+                self._square(now.velocity) if each else none,
+                jnp.sum(jnp.where(moved_fast, now.velocity**2, 0.0)),
+            ]
+        )
         return ErrorState(
             motion,
             g,

@@ -144,7 +144,9 @@ def _integrate(
     P, W = modal.P, modal.W
     with_energy = "energy" in options.keep
     judged_by_rate = options.judge and joints.rate_dependent
-    estimator = None if grouped is None else Estimator(by, grouped, joints.remember, options.group)
+    estimator = None
+    if grouped is not None:
+        estimator = Estimator(by, grouped, joints.remember, options.group, options.substeps)
 
     def exchange(before: _Point, after: _Point) -> list[Array]:
         f, g = (before.f, after.f), (before.g, after.g)
@@ -186,7 +188,10 @@ def _integrate(
             return step(at, x), None
         parts = jnp.arange(1, options.substeps + 1) / options.substeps
         between = at.f + parts[:, None] * (f - at.f)
-        return jax.lax.scan(lambda a, f: (step(a, (f, counts)), None), at, between)[0], None
+        at = jax.lax.scan(lambda a, f: (step(a, (f, counts)), None), at, between)[0]
+        if estimator is not None and at.error is not None:
+            at = at._replace(error=estimator.sampled(at.error, at.motion, counts))
+        return at, None
 
     def energies(at: _Point) -> Array:
         q, v = at.motion.displacement, at.motion.velocity

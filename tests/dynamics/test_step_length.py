@@ -5,13 +5,25 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from dynamics.integration_grid import (
+    ALLOWED,
+    SAMPLES,
+    System,
+    blow,
+    cells,
+    converged,
+    distance,
+    joint_mode,
+    modal_sensors,
+    random_system,
+    summary,
+)
+from dynamics.integration_grid import SYSTEMS as GRID
 from reference.test_brake_reuss import beam  # noqa: F401
 
 import iwanjax as ij
 from iwanjax.dynamics import half_sine
 from iwanjax.joints.discrete import Elastic
-
-SAMPLES = 800
 
 
 def random_chain(seed, size, ratio):
@@ -31,44 +43,6 @@ def random_chain(seed, size, ratio):
     return ij.JointedStructure(ij.LinearStructure(M, C, K), entries), np.eye(size)[0]
 
 
-def joint_mode(js):
-    """Circular frequency of the fastest mode that joints take part in."""
-    omega = np.sqrt(np.asarray(js.basis.omega2))
-    strain = omega * np.abs(np.asarray(js.rows) @ np.asarray(js.basis.Phi))
-    part = np.max(strain / np.max(strain, axis=1, keepdims=True), axis=0)
-    return float(np.max(omega[part > 1e-3]))
-
-
-def modal_sensors(js):
-    """Rows that see the modal displacements of the elastic modes."""
-    omega2 = np.asarray(js.basis.omega2)
-    Phi = np.asarray(js.basis.Phi)[:, omega2 > 1e-9 * np.max(omega2)]
-    return (np.asarray(js.structure.M) @ Phi).T
-
-
-def blow(js, row, dt, level):
-    """A half sine whose deflections would be ``level`` times phi_max if the joints were stuck."""
-    lowest = float(js.modes().omega[0])
-    duration = min(max(8 * dt, 2.0 / lowest), 0.2 * SAMPLES * dt)
-    force = np.asarray(half_sine(dt * np.arange(SAMPLES + 1), 1.0, np.pi / duration))
-    stuck = ij.simulate(
-        js, 1e-9 * force, dt, inputs=row, keep=["joint_deflection"], accuracy=None
-    ).joint_deflection
-    phi = np.array([float(joint.phi_max) for joint in js.joints.values()])
-    return force * level * 1e-9 / np.max(np.abs(stuck) / phi)
-
-
-def distance(found, expected):
-    """Rms of the difference over rms of what was expected, displacement and velocity."""
-    return [
-        float(np.linalg.norm(np.asarray(a - b)) / np.linalg.norm(np.asarray(b)))
-        for a, b in (
-            (found.displacement, expected.displacement),
-            (found.velocity, expected.velocity),
-        )
-    ]
-
-
 SYSTEMS = {
     "three masses": lambda: (ij.three_mass(zeta=1e-3), np.eye(3)[1]),
     "stiff joints": lambda: random_chain(3, 8, 1e4),
@@ -84,13 +58,30 @@ def test_whatever_the_step_the_response_is_right(name, periods, level):
     dt = periods * 2 * np.pi / joint_mode(js)
     force = blow(js, row, dt, level)
     kept = {"inputs": row, "sensors": modal_sensors(js), "keep": ["displacement", "velocity"]}
-    # The longer step's rule is another one: fast modes by the average acceleration.
-    fine = round(60 * periods)
-    converged = ij.simulate(js, force, dt, substeps=fine, accuracy=None, **kept)
     found = ij.simulate(js, force, dt, **kept)
-    assert float(found.error) <= 0.01
-    assert float(found.imbalance) <= 0.01
-    assert max(distance(found, converged)) <= 0.01
+    assert float(found.error) <= ALLOWED
+    assert float(found.imbalance) <= ALLOWED
+    assert max(distance(found, converged(System(js, row), force, dt))) <= ALLOWED
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", GRID)
+def test_no_error_of_the_grid_is_silent(name):
+    found = cells(name)
+    assert not any(each.silent for each in found), summary(found)
+    assert max(each.change for each in found if each.said == "ok") <= ALLOWED / 2
+
+
+def test_a_mode_that_samples_do_not_show_is_no_part_of_the_motion():
+    # It rings two periods from one sample to the next, started and stopped by the blow: what is
+    # left of it at the samples was 1.7 % off where the error was held against all of the motion.
+    system = random_system(2, 1)
+    js, row = system.structure, system.row
+    dt = 2.0 * 2 * np.pi / joint_mode(js)
+    force = blow(js, row, dt, 0.02)
+    kept = {"inputs": row, "sensors": modal_sensors(js), "keep": ["displacement", "velocity"]}
+    found = ij.simulate(js, force, dt, **kept)
+    assert max(distance(found, converged(system, force, dt))) <= ALLOWED
 
 
 @pytest.mark.parametrize("level", [0.003, 0.03])
@@ -112,8 +103,8 @@ def test_a_mode_that_rings_is_resolved(periods, level):
     start = {"velocity": push * level / reach}
     found = ij.simulate(js, still, dt, **start, **kept)
     fine = round(80 * periods)
-    converged = ij.simulate(js, still, dt, substeps=fine, accuracy=None, **start, **kept)
-    assert max(distance(found, converged)) <= 0.01
+    expected = ij.simulate(js, still, dt, substeps=fine, accuracy=None, **start, **kept)
+    assert max(distance(found, expected)) <= 0.01
 
 
 def test_the_estimate_is_the_error():
@@ -124,10 +115,10 @@ def test_the_estimate_is_the_error():
         dt = periods * 2 * np.pi / joint_mode(js)
         force = blow(js, row, dt, 8.0)
         kept = {"inputs": row, "sensors": modal_sensors(js), "keep": ["displacement", "velocity"]}
-        converged = ij.simulate(js, force, dt, substeps=12, **kept)
+        expected = ij.simulate(js, force, dt, substeps=12, **kept)
         found = ij.simulate(js, force, dt, accuracy=10.0, **kept)
         assert found.substeps == 1
-        ratios.append(float(found.error) / max(distance(found, converged)))
+        ratios.append(float(found.error) / max(distance(found, expected)))
     assert min(ratios) > 0.75
     assert max(ratios) < 1.5
 
@@ -140,10 +131,10 @@ def test_the_estimate_knows_when_a_joint_turns(seed, size, ratio):
     dt = 0.3 * 2 * np.pi / joint_mode(js)
     force = blow(js, row, dt, 8.0)
     kept = {"inputs": row, "sensors": modal_sensors(js), "keep": ["displacement", "velocity"]}
-    converged = ij.simulate(js, force, dt, substeps=16, accuracy=None, **kept)
+    expected = ij.simulate(js, force, dt, substeps=16, accuracy=None, **kept)
     found = ij.simulate(js, force, dt, accuracy=10.0, **kept)
     assert found.substeps == 1
-    assert 0.75 < float(found.error) / max(distance(found, converged)) < 2.0
+    assert 0.75 < float(found.error) / max(distance(found, expected)) < 2.0
 
 
 @pytest.mark.reference
@@ -155,8 +146,8 @@ def test_the_reduced_beam_at_its_own_config_s_step(beam):  # noqa: F811
         force = half_sine(dt * np.arange(801), 2000.0, float(js.modes().omega[1]))
         kept = {"inputs": row, "sensors": modal_sensors(js), "keep": ["displacement", "velocity"]}
         found = ij.simulate(js, force, dt, **kept)
-        converged = ij.simulate(js, force, dt, method="newmark", substeps=16, accuracy=None, **kept)
-        assert max(distance(found, converged)) <= 0.01
+        expected = ij.simulate(js, force, dt, method="newmark", substeps=16, accuracy=None, **kept)
+        assert max(distance(found, expected)) <= 0.01
         assert float(found.imbalance) <= 0.01
 
 
