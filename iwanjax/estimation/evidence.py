@@ -56,8 +56,15 @@ LEAST_GAIN = 12.0
 is nothing before the data, as many suspects are tried and no model is free of errors."""
 
 
+# Singular values of slopes that count as none, over the largest, each parameter in units of its
+# own effect: what derivatives are exact to. A share in such a direction is one beyond its root.
+_LEAST_SEEN = 1e-10
+
+
 def linearised(slopes: np.ndarray, cost: float, tau: float) -> np.ndarray:
-    """Standard deviations of parameters, NaN where nothing depends on one.
+    """Standard deviations of parameters: NaN where nothing depends on one, endless where values
+    depend on it only together with others, as on the strength and the spread of a joint that
+    never slips altogether.
 
     Times the misfit where that exceeds 1; residuals that are correlated over some values, as all
     misfit is along a curve, count as so many fewer.
@@ -73,11 +80,16 @@ def linearised(slopes: np.ndarray, cost: float, tau: float) -> np.ndarray:
     """
     sizes = np.linalg.norm(slopes, axis=0)
     used = sizes > 0
-    inverse = np.linalg.pinv(slopes[:, used] / sizes[used], rcond=1e-10)
+    _, s, along = np.linalg.svd(slopes[:, used] / sizes[used])
+    s = np.append(s, np.zeros(len(along) - len(s)))
+    seen = s > _LEAST_SEEN * np.max(s, initial=0.0)
+    # The pseudo-inverse leaves out what is not seen: as if it were known without error.
+    unseen = np.linalg.norm(along[~seen], axis=0) > math.sqrt(_LEAST_SEEN)
+    inverse = along[seen].T / s[seen]
     std = np.full(len(sizes), math.nan)
     # Each parameter takes up one independent residual, and one at least is left.
     tau = max(1.0, tau)
     misfit = cost / max(tau, len(slopes) - tau * int(used.sum()))
-    std[used] = np.linalg.norm(inverse, axis=1) / sizes[used]
+    std[used] = np.where(unseen, math.inf, np.linalg.norm(inverse, axis=1)) / sizes[used]
     std[used] *= math.sqrt(max(1.0, misfit) * tau)
     return std

@@ -51,13 +51,15 @@ def with_deviation(value: float, std: float) -> tuple[str, str]:
     Parameters
     ----------
     value, std : float
-        A deviation that is zero or not finite is left out.
+        A deviation that is zero or not finite is left out; one without end determines nothing.
 
     Returns
     -------
     (str, str)
     """
     v, s, power = _pair(value, std)
+    if std == math.inf:
+        return f"{v}{_times(power)}", "not determined"
     return f"{v}{_times(power)}", f"{s}{_times(power)}" if s else "–"
 
 
