@@ -20,9 +20,11 @@ if __name__ == "__main__":
 
 import bolted_chain as chain
 from concealed.physics import slider_bank
+from concealed.structures import Iwan
 
 K_T = 1.0
-SLIP, STIFFNESS = slider_bank(*map(np.asarray, (10.0, K_T, -0.5, 5.0)))
+JOINT = (10.0, K_T, -0.5, 5.0)
+SLIP, STIFFNESS = slider_bank(*map(np.asarray, JOINT))
 PHI = SLIP[-1]
 CUBIC = 0.05 * K_T / PHI**2
 LEVELS, QUARTER = ((0.3, 0.7), (1.1,), (0.15, 0.5, 1.3)), 40
@@ -38,17 +40,28 @@ def stretched(d, slip, stiffness):
     return np.array(force)
 
 
+SIZES = {
+    "none": (),
+    "cubic_stiffness": (CUBIC,),
+    "coulomb_friction": (0.2 * K_T, 0.1 * PHI),
+    "gap_contact": (0.2 * K_T, 0.5 * PHI, 2.0),
+}
+"""Of the forces beside a loop's joint, in the order of `effects.PARAMETERS`."""
 LOOP_FORCES = {
     "none": lambda d: 0.0 * d,
-    "cubic_stiffness": lambda d: CUBIC * d**3,
-    "coulomb_friction": lambda d: stretched(d, np.array([0.1 * PHI]), np.array([0.2 * K_T])),
-    "gap_contact": lambda d: 0.2 * K_T * np.sign(d) * np.maximum(np.abs(d) - 0.5 * PHI, 0.0),
+    "cubic_stiffness": lambda d, k3: k3 * d**3,
+    "coulomb_friction": lambda d, k, slip: stretched(d, np.array([slip]), np.array([k])),
+    "gap_contact": lambda d, k, gap, _: k * np.sign(d) * np.maximum(np.abs(d) - gap, 0.0),
 }
 MODE_FORCES = {
-    "none": ("m3-ground", lambda d, v: 0.0 * d),
-    "cubic_stiffness": ("m3-ground", lambda d, v: 2.0e3 / (3.0 * chain.slip()) ** 2 * d**3),
-    "stiffness_error": ("m2-m3", lambda d, v: 2.0e3 * d),
-    "quadratic_damping": ("m2-m3", lambda d, v: 55.0 * v * np.abs(v)),
+    "none": ("m3-ground", (), lambda d, v: 0.0 * d),
+    "cubic_stiffness": (
+        "m3-ground",
+        (2.0e3 / (3.0 * chain.slip()) ** 2,),
+        lambda d, v, k3: k3 * d**3,
+    ),
+    "stiffness_error": ("m2-m3", (2.0e3,), lambda d, v, k: k * d),
+    "quadratic_damping": ("m2-m3", (55.0,), lambda d, v, c2: c2 * v * np.abs(v)),
 }
 
 
@@ -60,10 +73,17 @@ def path(levels):
     return np.concatenate([[0.0], *parts])
 
 
-def _write(folder: Path, study: dict, kind: str, where: str | None) -> None:
+def _write(
+    folder: Path, study: dict, kind: str, where: str, sizes: tuple[float, ...], joint: Iwan
+) -> None:
     study = {"name": folder.name, **study}
     (folder / "study.yaml").write_text(yaml.safe_dump(study, sort_keys=False))
-    truth = {"kind": kind, "where": None if kind == "none" else where}
+    truth = {
+        "kind": kind,
+        "where": None if kind == "none" else where,
+        "joints": {"J1": list(joint)},
+        "parameters": [{"place": where, "values": list(sizes)}] if sizes else [],
+    }
     (folder / "truth.json").write_text(json.dumps(truth))
 
 
@@ -73,20 +93,20 @@ def write_loops(kind: str, folder: Path) -> None:
     random, recordings = np.random.default_rng(1), []
     for i, levels in enumerate(LEVELS):
         d = path(levels)
-        force = stretched(d, SLIP, STIFFNESS) + LOOP_FORCES[kind](d)
+        force = stretched(d, SLIP, STIFFNESS) + LOOP_FORCES[kind](d, *SIZES[kind])
         force = force + 0.3 + 0.02 * random.standard_normal(d.size)
         held = {"displacement": d.tolist(), "force": force.tolist()}
         (folder / f"loop{i}.json").write_text(json.dumps(held))
         use = "hold_out" if i == 2 else "fit"
         recordings.append({"file": f"loop{i}.json", "kind": "loop", "joint": "J1", "use": use})
     model = {"builder": "three_mass"}
-    _write(folder, {"model": model, "recordings": recordings}, kind, "J1")
+    _write(folder, {"model": model, "recordings": recordings}, kind, "J1", SIZES[kind], JOINT)
 
 
 def write_modes(kind: str, folder: Path) -> None:
     """Curves of the three modes of a chain with one joint, one hit of each held out."""
     folder.mkdir(parents=True, exist_ok=True)
-    place, force = MODE_FORCES[kind]
+    place, sizes, force = MODE_FORCES[kind]
     np.savez(
         folder / "model.npz",
         M=chain.M,
@@ -100,7 +120,7 @@ def write_modes(kind: str, folder: Path) -> None:
         input_rows=chain.ROWS["m1-ground"][None],
     )
     recordings = []
-    for mode, hits in chain.measured(place, force).items():
+    for mode, hits in chain.measured(place, lambda d, v: force(d, v, *sizes)).items():
         for use, curve in zip(chain.LEVELS, hits, strict=True):
             file = f"mode{mode}_{use}.npz"
             names = ("amplitude", "frequency", "damping", "frequency_std", "damping_std")
@@ -109,7 +129,8 @@ def write_modes(kind: str, folder: Path) -> None:
     given = {"F_S": 60.0, "K_T": 2.4e5, "chi": -0.5, "beta": 1.0}
     joint = {"name": "J1", "row": "J1", "type": "iwan4", "parameters": given}
     model = {"file": "model.npz", "joints": [joint]}
-    _write(folder, {"model": model, "recordings": recordings}, kind, place)
+    true = tuple(chain.TRUTH[name] for name in given)
+    _write(folder, {"model": model, "recordings": recordings}, kind, place, sizes, true)
 
 
 CASES = {

@@ -5,7 +5,18 @@ import re
 
 import numpy as np
 import pytest
-from concealed.steady import CUBIC, K_T, LEVELS, PHI, QUARTER, SLIP, STIFFNESS, path, stretched
+from concealed.steady import (
+    CUBIC,
+    K_T,
+    LEVELS,
+    PHI,
+    QUARTER,
+    SIZES,
+    SLIP,
+    STIFFNESS,
+    path,
+    stretched,
+)
 from concealed.steady import LOOP_FORCES as FORCES
 from typer.testing import CliRunner
 
@@ -25,7 +36,7 @@ def loops(name, steady=False):
     random, found = np.random.default_rng(1), []
     for i, levels in enumerate(LEVELS):
         d = path(levels)
-        force = stretched(d, SLIP, STIFFNESS) + FORCES[name](d)
+        force = stretched(d, SLIP, STIFFNESS) + FORCES[name](d, *SIZES[name])
         force = force + 0.3 + 0.02 * random.standard_normal(d.size)
         last = slice(-4 * QUARTER - 1, None) if steady else slice(None)
         found.append(ij.ForceLoop(d[last], force[last], f"loop{i}"))
