@@ -75,7 +75,7 @@ class StudySetup:
     posterior : PosteriorSettings
         How the posterior is sampled.
     noise : dict of str to float
-        Standard deviation of a sensor's noise, in its unit.
+        Standard deviation of a sensor's or an input's noise, in its unit.
     trust : LinearTrust or None
         How exact the linear model is; of a modal test its deviations where the study says nothing,
         else None leaves it to the diagnosis.
@@ -312,7 +312,8 @@ def _setup(
         cases = simulation_cases(source, section.simulate, names, model, structure)
     names = replace(names, chosen=_modes(source, section, names))
     for label in section.noise:
-        known(source, ("noise", label), label, names.sensors, "sensor")
+        channels = None if names.sensors is None else (*names.sensors, *(names.inputs or ()))
+        known(source, ("noise", label), label, channels, "sensor or input")
     once(source, ("hypotheses",), section.hypotheses)
     setup = StudySetup(
         name=section.name,

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from iwanjax.discrepancy.findings import (
     Errors,
+    ForceNoise,
     MeasuredNoise,
     Observable,
     PlaceEvidence,
@@ -85,6 +86,8 @@ class Diagnosis(AbstractResult):
         What was taken for the noise of each sensor in each recording; none for curves and loops.
     unnamed : UnnamedForce or None
         The force that no name fits, where one was fitted.
+    force_noise : tuple of ForceNoise
+        The same of each force.
 
     Examples
     --------
@@ -125,6 +128,14 @@ class Diagnosis(AbstractResult):
     noise: tuple[MeasuredNoise, ...] = field(default=(), repr=False)
     unnamed: UnnamedForce | None = field(default=None, repr=False)
     places: tuple[PlaceEvidence, ...] = field(default=(), repr=False)
+    force_noise: tuple[ForceNoise, ...] = field(default=(), repr=False)
+
+    @property
+    def noise_floor_is_lower_bound(self) -> bool:
+        """Whether more noise may have been there than the floors hold, of a sensor or a force."""
+        return any(each.upper > each.deviation for each in self.noise) or any(
+            each.deviation is None for each in self.force_noise
+        )
 
     @property
     def detected(self) -> bool:

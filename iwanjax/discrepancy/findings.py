@@ -1,15 +1,18 @@
 """What a diagnosis is made of: suspects with their sizes, errors, scores, observables, forces."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from iwanjax.effects.estimate import Estimate
 from iwanjax.effects.kinds import Kind
+from iwanjax.identification.recordings import StudyRecording
 from iwanjax.joints import UnnamedLaw
 from iwanjax.settings.stages import settings
+from iwanjax.signals.sensor_noise import SensorNoise
 
 
 class Refitted(NamedTuple):
@@ -72,6 +75,37 @@ class ForceNoise(NamedTuple):
     input: str
     deviation: float | None
     source: str
+
+
+def sensor_noise(
+    recordings: Sequence[StudyRecording], sensors: Sequence[str]
+) -> tuple[MeasuredNoise, ...]:
+    """What was taken for the noise of each sensor, recording by recording."""
+    return tuple(
+        MeasuredNoise(each.name, name, s, s / math.sqrt(2.0 * freedom), *rest)
+        for each in recordings
+        if each.noise is not None
+        for name, s, freedom, *rest in zip(sensors, *_as_floats(each.noise), strict=True)
+        if math.isfinite(s)
+    )
+
+
+def _as_floats(noise: SensorNoise) -> tuple[Sequence[Any], ...]:
+    """Its arrays as lists."""
+    return tuple(x.tolist() if isinstance(x, np.ndarray) else x for x in noise)
+
+
+def force_noise(
+    recordings: Sequence[StudyRecording], inputs: Sequence[str]
+) -> tuple[ForceNoise, ...]:
+    """What was taken for the noise of each force that acts, recording by recording."""
+    return tuple(
+        ForceNoise(each.name, name, float(s) if math.isfinite(s) else None, source)
+        for each in recordings
+        if each.force_noise is not None
+        for name, s, source in zip(inputs, *each.force_noise, strict=True)
+        if source
+    )
 
 
 class Observable(NamedTuple):

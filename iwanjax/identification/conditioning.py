@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -12,7 +12,6 @@ from jaxtyping import Float
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.dynamics.parabolic_hold import hold
 from iwanjax.errors import InputError
-from iwanjax.identification.lasting_forces import noise_of_lasting
 from iwanjax.identification.observer import state_at_beginning
 from iwanjax.identification.predictor import Data, Predictor
 from iwanjax.identification.recordings import (
@@ -20,6 +19,7 @@ from iwanjax.identification.recordings import (
     StudyRecording,
     as_given,
     cleaned,
+    force_noise_of,
     noise_of,
 )
 from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
@@ -139,6 +139,7 @@ def conditioned(
     beside = settings.ringing if cycles > settings.high else settings.beside
     at_end, cut = _at_end(made, modal), np.zeros(len(recordings), bool)
     lasting = np.zeros((len(recordings), forces.shape[2]))
+    unsaid = np.full(forces.shape[2], np.nan)
     for i, each in enumerate(recordings):
         require_usable(each, settings)
         response, lacking = each.response.astype(float), ~each.measured
@@ -148,6 +149,10 @@ def conditioned(
         push = np.zeros((length, made.substeps, 2 * made.kept + at_end.shape[1]))
         if each.force is not None:
             force = cleaned(each.force.astype(float), beside, settings)
+            noisy = each.force_noise or force_noise_of(each, unsaid, settings)
+            if noisy is not None:
+                # What nothing shows counts as none.
+                force = replace(force, noise=np.nan_to_num(noisy.deviation))
             forces[i, : len(response)] = force.clean
             felt = _felt(made, modal, force, settings)
             unsure = _unsure(made, modal, force, settings)
@@ -155,7 +160,7 @@ def conditioned(
             # A force that does not end with its recording goes on, but is not known to repeat.
             cut[i] = force.endless and each.initial != "periodic"
             if force.endless:
-                lasting[i] = noise_of_lasting(force.clean, settings)
+                lasting[i] = force.noise
             push[: len(response)] = _pushed(made, at_end, force.clean, bool(cut[i]), settings)
             if each.moving:
                 # Accelerations follow the force at once, at the first sample too.
@@ -373,7 +378,8 @@ def _unsure(
         columns += [W[:, i] * force.noise[i] for i in active]
         W = step @ W
     found = np.zeros((2 * kept, settings.directions))
-    if columns:
+    # After one that never ends there is nothing.
+    if columns and not force.endless:
         # Displacements times frequencies: both halves of the state are of one size then.
         size = np.concatenate([np.sqrt(np.maximum(made.omega2, 1.0)), np.ones(kept)])
         U, S, _ = np.linalg.svd(size[:, None] * np.stack(columns, axis=1), full_matrices=False)

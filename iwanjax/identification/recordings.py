@@ -1,6 +1,6 @@
 """Recordings of a study: their forces without noise between pulses, and the noise of sensors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
+from iwanjax.signals.force_noise import BESIDE_PULSES, InputNoise, of_endless
 from iwanjax.signals.noise import (
     NoiseLevel,
     at_rest,
@@ -49,6 +50,8 @@ class StudyRecording:
     noise : SensorNoise or None
         Of its sensors; None leaves that to its data (:func:`noise_of`). One that was resampled
         does not show it any more.
+    force_noise : InputNoise or None
+        Of its forces; None likewise (:func:`force_noise_of`).
     """
 
     name: str
@@ -57,6 +60,7 @@ class StudyRecording:
     use: Literal["fit", "hold_out"] = "fit"
     initial: Initial | None = None
     noise: SensorNoise | None = None
+    force_noise: InputNoise | None = None
 
     @property
     def measured(self) -> np.ndarray:
@@ -148,6 +152,55 @@ def cleaned(
     if endless:
         first = last = 0
     return CleanForce(clean, min(first, len(force) - 1), min(last, len(force) - 1), noise, endless)
+
+
+def force_noise_of(
+    recording: StudyRecording,
+    given: Float[np.ndarray, " inputs"],
+    settings: ConditioningSettings = CONDITIONING,
+) -> InputNoise | None:
+    """Noise of a recording's forces: as given, beside pulses, or of one that never ends.
+
+    Parameters
+    ----------
+    recording : StudyRecording
+        With the state in which it begins.
+    given : (inputs,) array
+        Deviations that the study gives; NaN where it does not.
+    settings : ConditioningSettings
+        Of the stage.
+
+    Returns
+    -------
+    InputNoise or None
+        None without a force.
+    """
+    if recording.force is None:
+        return None
+    force = recording.force.astype(float)
+    clean, period = cleaned(force, settings=settings), recording.period
+    found: list[tuple[float, str]] = []
+    for column, known, beside in zip(force.T, given, clean.noise, strict=True):
+        if not np.any(column):
+            found.append((0.0, ""))
+        elif np.isfinite(known):
+            found.append((float(known), GIVEN))
+        elif clean.endless and beside == 0.0:
+            found.append(of_endless(column, period, settings))
+        else:
+            found.append((float(beside), BESIDE_PULSES))
+    deviation, source = zip(*found, strict=True)
+    return InputNoise(np.array(deviation), source)
+
+
+def with_force_noise(
+    recording: StudyRecording, inputs: Sequence[str], given: Mapping[str, float]
+) -> StudyRecording:
+    """With the noise of its forces, unless that is known already."""
+    if recording.force_noise is not None:
+        return recording
+    known = np.array([given.get(name, np.nan) for name in inputs])
+    return replace(recording, force_noise=force_noise_of(recording, known))
 
 
 def _runs(acts: np.ndarray, fewest: int) -> list[tuple[int, int]]:

@@ -173,7 +173,10 @@ def at_rate(
         force = filtered(force, "constant" if at_rest else before)[kept]
     noise = noise_of(known).where(~np.isnan(given), as_given(given))
     noise = noise.times(math.sqrt(new / rate))
-    return replace(known, response=response[kept], force=force, noise=noise)
+    of_forces = known.force_noise
+    if of_forces is not None:
+        of_forces = of_forces.times(math.sqrt(new / rate))
+    return replace(known, response=response[kept], force=force, noise=noise, force_noise=of_forces)
 
 
 def at_one_rate(

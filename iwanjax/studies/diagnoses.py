@@ -15,6 +15,7 @@ from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
 from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
 from iwanjax.discrepancy.steady.diagnose_modes import diagnose_modes, modes_parameters
 from iwanjax.errors import InputError
+from iwanjax.identification.recordings import force_noise_of
 from iwanjax.identification.resampling import at_one_rate
 from iwanjax.identification.steady.cycle import InteractingMode
 from iwanjax.settings.conditioning import CONDITIONING
@@ -208,6 +209,16 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
     rates = [recording.sampling_rate for _, _, recording in measured]
     given = np.array([study.noise.get(name, math.nan) for name in sensors])
     transients, rate, resampled = at_one_rate(transients, rates, given)
+    # A name that a sensor has too is the sensor's.
+    of_forces = np.array(
+        [math.nan if name in sensors else study.noise.get(name, math.nan) for name in model.inputs]
+    )
+    if np.any(np.isfinite(of_forces)):
+        # Of the same density at the rate of the comparison.
+        transients = [
+            replace(each, force_noise=force_noise_of(each, of_forces * math.sqrt(rate / own)))
+            for each, own in zip(transients, rates, strict=True)
+        ]
     verdict = diagnose_histories(
         structure,
         transients,

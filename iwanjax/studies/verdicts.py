@@ -53,6 +53,8 @@ def as_json(
             for errors in ("before", "after", "noise_floor")
         },
         "noise": _joined(each, "noise"),
+        "force_noise": _joined(each, "force_noise"),
+        "noise_floor_is_lower_bound": any(part["noise_floor_is_lower_bound"] for part in each),
         "refused": _joined(each, "refused"),
         "indistinguishable": _joined(each, "indistinguishable"),
         "warnings": _joined(each, "warnings"),
@@ -109,6 +111,8 @@ def _of_one(verdict: Diagnosis, file: str | None) -> dict[str, Any]:
             "parameter_spread": _errors(verdict.parameter_spread),
         },
         "noise": [each._asdict() for each in verdict.noise],
+        "force_noise": [each._asdict() for each in verdict.force_noise],
+        "noise_floor_is_lower_bound": verdict.noise_floor_is_lower_bound,
         "refused": [
             {"what": each.label, "before": each.before, "after": each.after}
             for each in verdict.refused

@@ -1,6 +1,6 @@
 """Cases whose physics is in no catalogue: forces that depend on rate and deflection, at one place.
 
-`python tests/concealed/foreign_places.py OUT [--only NAME ...]` writes them as `study.py` does its own.
+`python tests/concealed/foreign_places.py OUT [--only NAME ...]` writes them as `study.py` does.
 A law's size is such that the hardest recording changes by `CHANGE`.
 """
 

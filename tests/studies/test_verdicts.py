@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from iwanjax.discrepancy import CATALOGUE, CurveRun, Diagnosis, LoopRun, Suspect
-from iwanjax.discrepancy.findings import Errors, MeasuredNoise, Refitted
+from iwanjax.discrepancy.findings import Errors, ForceNoise, MeasuredNoise, Refitted
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.studies.verdicts import as_json
 
@@ -79,6 +79,21 @@ def test_several_are_one_verdict_with_each_beside_it():
     ]
     assert (list(said["joints"]), said["seconds"]) == (["m1", "m2"], 4.0)
     assert said["modes"] == {name: as_json({name: part}) for name, part in parts.items()}
+
+
+def test_floors_are_lower_bounds_where_noise_may_be_more():
+    sure = MeasuredNoise("r", "a", 0.3, 0.1, "before the force", 0.3, 0.3)
+    bound = sure._replace(source="in quiet bands", upper=0.4)
+    known, unknown = ForceNoise("r", "f", 0.1, "between periods"), ForceNoise("r", "f", None, "")
+    part = diagnosis("m1", NOTHING, 1.0)
+    for noise, force, lower in (
+        (sure, known, False),
+        (bound, known, True),
+        (sure, unknown, True),
+    ):
+        said = as_json({"m1": replace(part, noise=(noise,), force_noise=(force,))})
+        assert said["noise_floor_is_lower_bound"] == lower
+        assert said["force_noise"] == [force._asdict()]
 
 
 def test_nothing_is_missing_where_it_is_from_no_part():

@@ -12,10 +12,11 @@ import numpy as np
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.findings import (
     Errors,
-    MeasuredNoise,
     Observable,
     Suspect,
     alike,
+    force_noise,
+    sensor_noise,
 )
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.observables import observables
@@ -50,7 +51,7 @@ from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.offsets import without_offsets
 from iwanjax.identification.places import followed, places_of
 from iwanjax.identification.predictor import Quantity, predictor
-from iwanjax.identification.recordings import StudyRecording, with_noise
+from iwanjax.identification.recordings import StudyRecording, with_force_noise, with_noise
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
@@ -111,7 +112,7 @@ def diagnose_histories(
     hypotheses : tuple of str
         Kinds to try; all of the catalogue by default.
     noise : mapping of str to float, optional
-        Standard deviation of a sensor's noise, in its unit, where that is known.
+        Standard deviation of a sensor's or an input's noise, in its unit, where that is known.
     trust : LinearTrust, optional
         How exact the linear model is: its frequencies and damping are fitted with the joints,
         within that prior. Exact where it is not said.
@@ -155,6 +156,8 @@ def diagnose_histories(
     recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
     recordings, contradictions = with_noise(recordings, given, tuple(sensors), numbers.conditioning)
+    of_inputs = {name: s for name, s in (noise or {}).items() if name not in sensors}
+    recordings = [with_force_noise(each, list(inputs), of_inputs) for each in recordings]
     joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
     forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
     predictor_of = partial(
@@ -301,21 +304,9 @@ def diagnose_histories(
         seconds=time.perf_counter() - started,
         failures=tuple(dict.fromkeys(failures)),
         model=model,
-        noise=_noise(recordings, tuple(sensors)),
+        noise=sensor_noise(recordings, tuple(sensors)),
+        force_noise=force_noise(recordings, tuple(inputs)),
         unnamed=beyond.force if beyond else None,
-    )
-
-
-def _noise(
-    recordings: Sequence[StudyRecording], sensors: Sequence[str]
-) -> tuple[MeasuredNoise, ...]:
-    """What was taken for the noise of each sensor, recording by recording."""
-    return tuple(
-        MeasuredNoise(each.name, name, float(s), float(s / math.sqrt(2.0 * freedom)), *rest)
-        for each in recordings
-        if each.noise is not None
-        for name, s, freedom, *rest in zip(sensors, *each.noise, strict=True)
-        if math.isfinite(s)
     )
 
 

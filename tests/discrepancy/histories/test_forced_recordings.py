@@ -137,7 +137,8 @@ def test_a_linear_model_misses_nothing_in_linear_recordings():
     assert found.after.hold_out < 1.5 * found.noise_floor.hold_out
     assert [each.recording for each in found.noise] == list(found.by_recording)
     for each in found.noise:
-        assert each.source == "in quiet bands"
+        assert each.source == "over the whole band"
+        assert each.lower == each.deviation == each.upper
         assert abs(each.deviation - NOISE) < 3.0 * each.std < 0.5 * NOISE
 
 

@@ -23,7 +23,6 @@ from iwanjax.discrepancy.histories.validation import FreeRun, free_run
 from iwanjax.effects.catalogue import CATALOGUE
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.conditioning import ConditionedRecordings, conditioned
-from iwanjax.identification.lasting_forces import noise_of_lasting
 from iwanjax.identification.multistart import multistart
 from iwanjax.identification.predictor import predictor
 from iwanjax.identification.problem import HistoryProblem, Start
@@ -268,19 +267,6 @@ def test_the_floor_holds_what_the_noise_of_a_lasting_force_leaves(quantity):
     assert np.mean(shares) == pytest.approx(1.0, abs=3.0 * deviation)
     quiet = Shaken(quantity, 0.0).run(shaken.noise)
     assert all(each.floor > 3.0 * quiet.floor for each in runs)
-
-
-def test_noise_of_a_lasting_force_is_told_where_it_excites_nothing():
-    random = np.random.default_rng(8)
-    force = Shaken("velocity", 0.0).force
-    found = [
-        noise_of_lasting(force + 0.2 * random.standard_normal((N, 2)) * (force != 0.0))[0]
-        for _ in range(100)
-    ]
-    assert np.mean(found) == pytest.approx(0.2, rel=0.05)
-    # One that fills all bands, or an input that does not act, tells nothing.
-    white = random.standard_normal((N, 2)) * np.array([1.0, 0.0])
-    np.testing.assert_array_equal(noise_of_lasting(white), 0.0)
 
 
 @pytest.mark.parametrize(
