@@ -66,6 +66,18 @@ def _times() -> _Grid:
     return 10.0 ** ((np.arange(4) - 2.0) / 2.0)
 
 
+def _terms() -> tuple[str, ...]:
+    return (
+        "spring",
+        *(f"spring at {x:+.3f} D" for x in KNOTS[1:-1]),
+        *(f"damper saturating at {u:.3g} V" for u in RATES),
+        *("damper of positive rates", "damper of negative rates", "quadratic damper"),
+        "damper of large deflections",
+        *(f"slider at D/{2**k}" for k in range(SHARES.shape[1])),
+        *(f"relaxing spring of {t:.3g} T/(2 pi)" for t in TIMES),
+    )
+
+
 KNOTS = _knots()
 """Where the spring's slope may change, x."""
 INTERVALS = _intervals(KNOTS)
@@ -76,15 +88,7 @@ RATES = _rates()
 """Of the saturating dampers, u."""
 TIMES = _times()
 """Of the relaxing springs over T/(2 pi)."""
-TERMS: tuple[str, ...] = (
-    "spring",
-    *(f"spring at {x:+.3f} D" for x in KNOTS[1:-1]),
-    *(f"damper saturating at {u:.3g} V" for u in RATES),
-    *("damper of positive rates", "damper of negative rates", "quadratic damper"),
-    "damper of large deflections",
-    *(f"slider at D/{2**k}" for k in range(SHARES.shape[1])),
-    *(f"relaxing spring of {t:.3g} T/(2 pi)" for t in TIMES),
-)
+TERMS = _terms()
 """Names of all terms, in the order of the law's strengths."""
 
 
