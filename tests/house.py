@@ -33,7 +33,7 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 11,
     "config": 19,
-    "discrepancy": 27,
+    "discrepancy": 28,
     "dynamics": 16,
     "estimation": 13,
     "identification": 35,

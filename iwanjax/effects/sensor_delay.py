@@ -1,5 +1,6 @@
 """A sensor is late."""
 
+from functools import cache
 from typing import Any, ClassVar
 
 import jax
@@ -32,7 +33,7 @@ class SensorDelay(AbstractSensorFault):
 
     def slope(self, shown: np.ndarray) -> np.ndarray | None:
         """The last samples, weighted by the slopes of their weights."""
-        slopes = np.asarray(jax.jacfwd(_delayed)(jnp.zeros(())))
+        slopes = _slopes()
         early = np.pad(shown, [(0, 0), (DELAY_NODES - 1, 0), (0, 0)])
         first, length = DELAY_NODES - 1, shown.shape[1]
         return sum(
@@ -64,6 +65,12 @@ def _delayed(late: Array) -> Array:
     none = np.eye(DELAY_NODES)[0].reshape(-1, *[1] * late.ndim)
     change = _matched(late) - _matched(jnp.zeros_like(late))
     return none + jnp.tensordot(_SOLVED, change, axes=1)
+
+
+@cache
+def _slopes() -> np.ndarray:
+    """Derivatives of the weights by the delay where there is none, (nodes,)."""
+    return np.asarray(jax.jacfwd(_delayed)(jnp.zeros(())))
 
 
 def _matched(late: Array) -> Array:

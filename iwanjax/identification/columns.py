@@ -265,7 +265,9 @@ def columns_at_rest(
         found = []
         for i in which:
             steps = np.moveaxis(forces[i].force.reshape(R, N, -1), 1, 2)
-            whole = np.einsum("rkf,ksf->rsf", np.fft.rfft(steps, 2 * N), own)
+            of_steps = np.fft.rfft(steps, 2 * N)[:, :, None]
+            parts = (of_steps[:, k] * each for k, each in enumerate(own))
+            whole = sum(parts, np.zeros(()))
             change = np.fft.irfft(whole, 2 * N)[..., :N] * weight
             found.append(np.ravel(np.moveaxis(change, 2, 1)))
         yield np.array(which), np.stack(found)

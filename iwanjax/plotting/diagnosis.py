@@ -156,7 +156,11 @@ def _amplitude(x: np.ndarray, window: np.ndarray) -> np.ndarray:
 
 @paper_style()
 def plot_places(diagnosis: Diagnosis) -> Figure:
-    """What each kind at each place would take off the residual, judged before any refit.
+    """Where something acts, and what each kind there would take off the residual before any refit.
+
+    Bars are the probability that something acts at a place, whatever it is, with the share of the
+    residual that all laws there explain together; where laws were tested one by one only, the map
+    alone.
 
     Parameters
     ----------
@@ -168,14 +172,23 @@ def plot_places(diagnosis: Diagnosis) -> Figure:
     Figure
     """
     kinds = list(dict.fromkeys(score.kind for score in diagnosis.scores))
-    places = list(dict.fromkeys(score.where for score in diagnosis.scores))[:_ROWS]
+    tested = diagnosis.places[:_ROWS]
+    every = [each.where for each in (tested or diagnosis.scores)]
+    places = list(dict.fromkeys(every))[:_ROWS]
     drop = np.full((len(places), len(kinds)), np.nan)
     for score in reversed(diagnosis.scores):
         if score.where in places:
             drop[places.index(score.where), kinds.index(score.kind)] = 100.0 * score.drop
-    figure, ax = plt.subplots(
-        figsize=(DOUBLE_COLUMN, 1.3 + 0.22 * len(places)), layout="constrained"
+    figure, panels = plt.subplots(
+        1,
+        1 + bool(tested),
+        squeeze=False,
+        sharey=True,
+        figsize=(DOUBLE_COLUMN, 1.3 + 0.22 * len(places)),
+        layout="constrained",
+        width_ratios=(1, 3)[-1 - bool(tested) :],
     )
+    ax = panels[0, -1]
     image = ax.imshow(np.clip(drop, 0.0, 100.0), cmap="cividis", vmin=0.0, aspect="auto")
     ax.set_xticks(np.arange(len(kinds)), kinds, rotation=40, ha="right", fontsize=7)
     ax.set_yticks(np.arange(len(places)), places, fontsize=7)
@@ -187,6 +200,24 @@ def plot_places(diagnosis: Diagnosis) -> Figure:
     bar = figure.colorbar(image, ax=ax, pad=0.01)
     bar.set_label("Residual\nexplained (%)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
+    if tested:
+        bars = panels[0, 0]
+        bars.barh(
+            np.arange(len(tested)),
+            [each.probability for each in tested],
+            color=PALETTE[0],
+            height=0.6,
+        )
+        for row, each in enumerate(tested):
+            words = f"{each.probability:.2f} ({100.0 * each.reduction:.0f} %)"
+            at, side, colour = (
+                (each.probability, "right", "white")
+                if each.probability > 0.5
+                else (each.probability, "left", "black")
+            )
+            bars.text(at, row, f" {words} ", ha=side, va="center", color=colour, fontsize=6)
+        bars.set_xlim(0.0, 1.0)
+        bars.set_xlabel("Probability that something\nacts there (residual that\nall laws explain)")
     return figure
 
 

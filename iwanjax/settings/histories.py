@@ -25,7 +25,8 @@ class SelectionSettings:
     least_promise : float, log evidence
         Evidence that a score test has to promise before a suspect is refitted.
     clear : float
-        Drop of the first in a score test from which on no other one is needed.
+        Share of the squared residual that all laws of the likeliest place take off from which on no
+        other score test is needed.
     hopeless : float
         Share of the best one's drop from which on a suspect is worth a refit.
     first, second : int

@@ -68,6 +68,6 @@ def of_endless(
     quiet = in_bands(
         column, None, bands=settings.noise_bands, values=settings.noise_values, flat=settings.flat
     ).quiet.deviation[0]
-    if quiet < settings.force_error * np.std(force):
+    if quiet < settings.force_error * np.max(np.abs(force)):
         return float(quiet), QUIET_BANDS
     return float("nan"), UNKNOWN

@@ -116,7 +116,10 @@ def _pictures(
         )
         plots.append((caption, "unnamed_law", plot_unnamed))
     if verdict.scores:
-        caption = "Where: what each kind at each place would explain of what the joints cannot."
+        caption = (
+            "Where: the probability that something acts at a place, whatever it is, and what each "
+            "kind there would explain of what the joints cannot."
+        )
         plots.append((caption, "places", plot_places))
     pictures = []
     for caption, name, plot in plots:

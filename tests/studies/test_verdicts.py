@@ -6,7 +6,13 @@ from dataclasses import replace
 import pytest
 
 from iwanjax.discrepancy import CATALOGUE, CurveRun, Diagnosis, LoopRun, Suspect
-from iwanjax.discrepancy.findings import Errors, ForceNoise, MeasuredNoise, Refitted
+from iwanjax.discrepancy.findings import (
+    Errors,
+    ForceNoise,
+    MeasuredNoise,
+    PlaceEvidence,
+    Refitted,
+)
 from iwanjax.discrepancy.judgement import Misfit, judged
 from iwanjax.studies.verdicts import as_json
 
@@ -53,6 +59,19 @@ def test_one_is_said_as_it_is():
     assert (said["verdict"], said["what"][0]["where"]) == ("something_missing", "m1")
     assert said["fit"]["before"] == {"fit": 3.0, "hold_out": 6.0}
     assert "modes" not in said
+
+
+def test_an_undecided_verdict_names_the_place():
+    """Where something acts is known before what does; below one half it is not said."""
+    unknown = judged(-100.0, [-20.0], Misfit(50.0, 40.0))
+    assert (unknown.name, unknown.detected) == ("undecided", True)
+    places = (PlaceEvidence("m3-m4", 0.97, 0.9, 16, 60.0), PlaceEvidence("m2", 0.03, 0.5, 16, 40.0))
+    made = replace(diagnosis("m1", unknown, 0.3), places=places, what=())
+    acts = "something acts between m3 and m4 (probability 0.97), and nothing that was tried"
+    assert acts in made.statement()
+    assert as_json({"m1": made})["places"][0] == places[0]._asdict()
+    vague = replace(made, places=(places[0]._replace(probability=0.4), places[1]))
+    assert "something is missing, and nothing that was tried" in vague.statement()
 
 
 def test_several_are_one_verdict_with_each_beside_it():

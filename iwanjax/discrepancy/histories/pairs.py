@@ -93,12 +93,19 @@ def partners_of(
         return [], []
     starts = [c.start for c in where_something_acts(candidates)[: own.seconds]]
     pairs = multistart(
-        problem, starts, SHORT_TIME_CONSTANT, STEPS, at_most=own.partners, in_time=scope.in_time
+        problem,
+        starts,
+        SHORT_TIME_CONSTANT,
+        STEPS,
+        give_up=known.give_up,
+        at_most=own.partners,
+        in_time=scope.in_time,
     )
     pairs.sort(key=lambda each: each.cost)
+    within = known.give_up * min((each.cost for each in pairs), default=0.0)
     pairs = multistart(
         problem,
-        [each.start for each in pairs[: own.partners]],
+        [each.start for each in pairs[: own.partners] if each.cost <= within],
         TIME_CONSTANT,
         STEPS,
         in_time=scope.in_time,

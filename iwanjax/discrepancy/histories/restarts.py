@@ -51,6 +51,7 @@ def nominal_fit(problem: HistoryProblem, scope: Scope, seed: int) -> HypothesisF
         starts,
         SHORT_TIME_CONSTANT,
         STEPS,
+        tolerance=problem.settings.selection.rough,
         give_up=problem.settings.selection.give_up,
         in_time=scope.in_time,
     )

@@ -111,7 +111,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     scope.progress("screening kinds and places")
     candidates = scored(problem, nominal, scope)
     both = [candidates]
-    clear = bool(candidates) and candidates[0].drop > known.clear
+    clear = bool(candidates) and places_of(candidates)[0].reduction > known.clear
     if nominal.cost > FAR * left_by_noise(problem) and not clear and scope.in_time():
         # Joints that were bent to explain something else are a bad place to look from.
         given = Start(problem.nothing(), problem.map.given())
