@@ -28,12 +28,20 @@ _LEAST_DECREMENT, _LARGEST_DECREMENT, _FEW_INTERVALS = 0.08, 0.5, 6
 _FEWEST_PERIODS, _FEWEST_CORRELATIONS = 8.0, 5.0
 
 
+# Of the rate at which a decay begins, what a vibration that is driven may fall by.
+_DRIVEN = 0.1
+
+
 class Span(NamedTuple):
-    """Samples of the free decay: first, one past the last, and how many the filter spoils."""
+    """Samples of the free decay: first, one past the last, and how many the filter spoils.
+
+    ``contact`` is the last time that the envelope rises; from there to ``first`` it is driven.
+    """
 
     first: int
     stop: int
     settled: int
+    contact: int
 
 
 def decay_span(
@@ -44,7 +52,7 @@ def decay_span(
     start: float | None,
     end: float | None,
 ) -> Span:
-    """The free decay, from the last contact to the end of the record.
+    """The free decay, from the last contact, or where a shaker lets go, to the end of the record.
 
     Raises
     ------
@@ -59,11 +67,13 @@ def decay_span(
     require_resolved(band, sampling_rate, x.size)
     settled = int(np.ceil(settling_time(band, order) * sampling_rate))
     if start is not None:
-        first = round(start * sampling_rate)
+        contact = first = round(start * sampling_rate)
     else:
         envelope = np.abs(analytic_signal(centred(x[:stop]), sampling_rate, band, order))
         # At its end the record is cut off, which the filter answers as it would a hit.
-        first = _last_contact(envelope[: max(1, stop - settled)])
+        envelope = envelope[: max(1, stop - settled)]
+        contact = _last_contact(envelope)
+        first = contact + _driven(envelope[contact:], settled)
     if stop - first < 3 * settled:
         raise InputError(
             f"ringdown: the free decay from {first / sampling_rate:.3g} s to "
@@ -71,7 +81,7 @@ def decay_span(
             f"Hz, whose filter takes {settled / sampling_rate:.3g} s to settle at either end; "
             "widen the band or record longer"
         )
-    return Span(first, stop, settled)
+    return Span(first, stop, settled, contact)
 
 
 def centred(x: np.ndarray) -> np.ndarray:
@@ -85,8 +95,7 @@ def centred(x: np.ndarray) -> np.ndarray:
 def _last_contact(envelope: np.ndarray) -> int:
     """The last maximum that the envelope rises to from something clearly lower."""
     # What the envelope comes down to may be noise, and noise rises too.
-    blocks = np.array_split(envelope**2, min(envelope.size, _BLOCKS))
-    noise = np.sqrt(min(np.mean(block) for block in blocks))
+    noise = _lowest(envelope)
     start = int(np.argmax(envelope))
     while True:
         after = envelope[start:]
@@ -96,6 +105,34 @@ def _last_contact(envelope: np.ndarray) -> int:
             return start
         begun = int(np.argmax(after == lowest[rises[0]]))
         start += begun + int(np.argmax(after[begun:]))
+
+
+def _lowest(envelope: np.ndarray) -> float:
+    """Lowest root mean square of blocks: not below the noise."""
+    blocks = np.array_split(envelope**2, min(envelope.size, _BLOCKS))
+    return float(np.sqrt(min(np.mean(block) for block in blocks)))
+
+
+def _driven(envelope: np.ndarray, settled: int) -> int:
+    """Samples in which an envelope stays before it decays: something drives it until then.
+
+    The logarithm of a free decay lies below its chord, or near it: damping grows with amplitude,
+    but for macroslip. That of a driven vibration which then decays lies above, most where it is
+    let go. It is driven if it falls by less than a tenth of the rate at which it decays from
+    there, and for longer than the filter rounds off a sudden beginning.
+    """
+    quiet = np.flatnonzero(envelope < _ABOVE_NOISE * _lowest(envelope))
+    y = np.log(np.maximum(envelope[: quiet[0] if quiet.size else None], np.finfo(float).tiny))
+    if y.size < _BLOCKS:
+        return 0
+    above = y - np.linspace(y[0], y[-1], y.size)
+    knee = int(np.argmax(above))
+    # From there until it has fallen by a factor e.
+    fallen = np.flatnonzero(y[knee:] < y[knee] - 1.0)
+    if knee <= settled or not fallen.size:
+        return 0
+    before, after = (y[0] - y[knee]) / knee, (y[knee] - y[knee + fallen[0]]) / fallen[0]
+    return knee if before < _DRIVEN * after else 0
 
 
 class Noise(NamedTuple):

@@ -9,8 +9,8 @@ from iwanjax.signals.filters import check_signal
 from iwanjax.types import ArrayLike
 
 _FEWEST_SAMPLES = 64
-# Of the highest amplitude, what the lowest must be below for a signal to be a decay.
-_LEAST_DECAY = 0.8
+LEAST_DECAY = 0.8
+"""Of the highest amplitude, what the lowest must be below for a signal to be a decay."""
 # or as many deviations of its noise, where it falls by less.
 _CLEAR_DECAY = 30.0
 NORMAL = 1.4826
@@ -40,7 +40,7 @@ def refuse_no_decay(
     share = max(1, inside.size // 8)
     first, last = np.exp(np.mean(inside[:share])), np.exp(np.mean(inside[-share:]))
     scatter = float(np.sqrt(np.max(noise.density) * (band[1] - band[0])))
-    if last > _LEAST_DECAY * first and first - last < _CLEAR_DECAY * scatter:
+    if last > LEAST_DECAY * first and first - last < _CLEAR_DECAY * scatter:
         raise InputError(
             f"ringdown: no decay in {band[0]:g} to {band[1]:g} Hz: the envelope goes from "
             f"{first:.3g} to {last:.3g}; expected a free decay of one mode"

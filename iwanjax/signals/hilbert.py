@@ -10,8 +10,9 @@ from iwanjax.curves import QUANTITIES, ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.results import AbstractResult
 from iwanjax.signals.clipping import refuse_clipped
-from iwanjax.signals.decay import centred, decay_span, measured_noise, plan_intervals
+from iwanjax.signals.decay import Span, centred, decay_span, measured_noise, plan_intervals
 from iwanjax.signals.decay_checks import (
+    LEAST_DECAY,
     NORMAL,
     SURE,
     checked_signal,
@@ -19,6 +20,7 @@ from iwanjax.signals.decay_checks import (
     refuse_no_decay,
 )
 from iwanjax.signals.filters import analytic_signal, band_pass_gain, check_band
+from iwanjax.signals.harmonic import without_harmonic
 from iwanjax.types import ArrayLike
 
 # Multiples of the correction to the midpoint and of that to the acceleration's envelope that
@@ -51,6 +53,8 @@ class RingDown(AbstractResult):
         Deviation of the band-passed signal's noise around each interval, in its unit.
     band : (float, float)
         Hz.
+    remarks : tuple of str
+        What was left out of the record, and what another band would show.
     """
 
     curves: ModalCurves
@@ -61,6 +65,7 @@ class RingDown(AbstractResult):
     phase: np.ndarray = field(repr=False)
     noise: np.ndarray = field(repr=False)
     band: tuple[float, float]
+    remarks: tuple[str, ...] = ()
 
 
 def ringdown_curves(
@@ -141,6 +146,10 @@ def ringdown(
     end, forced motion included: joints with memory go by it. After a sudden hit the filter makes
     it up to 4 per cent too large.
 
+    **What is left out** the result's ``remarks`` say: forced vibration before a shaker lets go; the
+    second harmonic of a mode near half the frequency, which is taken off; the beginning, where a
+    narrow band's filter has not settled, with what a band twice as wide would show.
+
     **Deviations** come from the noise that each interval's own residual shows near the
     carrier, carried through the fits; twice the correction from average to midpoint is
     added where it exceeds its own noise, as beside the kink at the onset of macroslip, and what an
@@ -162,7 +171,8 @@ def ringdown(
         Labels for plots and reports.
     start, end : float, optional
         The span of the free decay, s from the first sample. By default it starts after the
-        last rise of the envelope (the last contact) and ends where the noise comes within
+        last rise of the envelope (the last contact), or where it begins to fall after it was
+        driven, and ends where the noise comes within
         a factor of six of the envelope. Where the filter has not settled nothing is used.
     precision : float
         Relative deviation of the damping that an interval is made long enough for, as far
@@ -196,7 +206,67 @@ def ringdown(
         raise InputError(f"quantity = {quantity!r}: expected one of {', '.join(QUANTITIES)}")
     if not 0.0 < precision < 1.0:
         raise InputError(f"precision = {precision!r}: expected a fraction, for instance 0.02")
+    labels = {"quantity": quantity, "unit": unit, "name": name}
     span = decay_span(x, sampling_rate, band, order, start, end)
+    remarks = []
+    harmonic = without_harmonic(x, sampling_rate, band, order, span.first, span.stop)
+    if harmonic is not None:
+        x = harmonic.signal
+        span = decay_span(
+            x, sampling_rate, band, order, harmonic.start if start is None else start, end
+        )
+        remarks.append(
+            "the second harmonic of a mode near half the frequency, "
+            f"{abs(harmonic.coefficient):.3g} times its amplitude squared, is taken off"
+        )
+    if span.first > span.contact:
+        remarks.append(
+            f"until {span.first / sampling_rate:.4g} s something drives it: left out, "
+            f"{(span.first - span.contact) / sampling_rate:.3g} s"
+        )
+    found, begins = _analysed(x, sampling_rate, band, span, precision, order, labels)
+    if begins < LEAST_DECAY:
+        told = (
+            f"the filter of ({band[0]:g}, {band[1]:g}) Hz takes {span.settled / sampling_rate:.3g} "
+            f"s to settle: {found.time.size} points, from {100 * begins:.0f} % of the amplitude on"
+        )
+        wider = _with_a_wider_band(x, sampling_rate, found, begins, order, span)
+        remarks += [told + wider] if wider or begins < LEAST_DECAY**2 else []
+    return replace(found, remarks=tuple(remarks))
+
+
+def _with_a_wider_band(
+    x: np.ndarray, sampling_rate: float, found: RingDown, begins: float, order: int, span: Span
+) -> str:
+    """What a band twice as wide would show, for the end of a remark; nothing where that is less."""
+    f = np.asarray(found.curves.frequency)
+    width = found.band[1] - found.band[0]
+    middle = 0.5 * float(f.min() + f.max())
+    low, high = middle - width, middle + width
+    if not 0.0 < low < high < 0.5 * sampling_rate:
+        return ""
+    start, end = (each / sampling_rate for each in (span.first, span.stop))
+    try:
+        wider = decay_span(x, sampling_rate, (low, high), order, start, end)
+        more, share = _analysed(x, sampling_rate, (low, high), wider, 0.02, order, {})
+    except InputError:
+        return ""
+    if LEAST_DECAY * share <= begins:
+        return ""
+    return f"; ({low:.4g}, {high:.4g}) Hz gives {more.time.size}, from {100 * share:.0f} % on"
+
+
+def _analysed(
+    x: np.ndarray,
+    sampling_rate: float,
+    band: tuple[float, float],
+    span: Span,
+    precision: float,
+    order: int,
+    labels: dict[str, str],
+) -> tuple[RingDown, float]:
+    """The decay in a span, and its first amplitude over that with which the span begins."""
+    derivatives = QUANTITIES[labels.get("quantity", "velocity")]
     z = analytic_signal(centred(x[span.first : span.stop]), sampling_rate, band, order)
     refuse_clipped(x[span.first : span.stop][span.settled :])
     psi_1, psi_2 = np.log(np.abs(z)), np.unwrap(np.angle(z))
@@ -215,11 +285,12 @@ def ringdown(
     # From where the record begins: the hit itself may have gone further than what is left of it.
     whole = analytic_signal(centred(x[: span.stop]), sampling_rate, band, order)
     largest = float(np.max(np.abs(whole))) / float(np.exp(passed[0]))
-    curves = _curves(lines, QUANTITIES[quantity], largest, quantity=quantity, unit=unit, name=name)
+    curves = _curves(lines, derivatives, largest, **labels)
     # A beat bends lines as well: by what the noise leaves of them it is seen.
-    refuse_beats(_curves(lines, QUANTITIES[quantity], largest, steps=False), band)
+    refuse_beats(_curves(lines, derivatives, largest, steps=False), band)
     begin = span.first / sampling_rate
-    return RingDown(
+    released = np.max(np.abs(whole[span.first : span.first + span.settled + 1])) / np.exp(passed[0])
+    found = RingDown(
         curves,
         begin + lines.middle,
         begin + edges / sampling_rate,
@@ -229,6 +300,7 @@ def ringdown(
         np.sqrt(noise.at(0.5 * (edges[1:] + edges[:-1])) * (band[1] - band[0])),
         band,
     )
+    return found, float(curves.amplitude[0] / released)
 
 
 @dataclass(frozen=True)

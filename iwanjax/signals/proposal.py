@@ -98,9 +98,7 @@ def loop_study(path: Path, columns: Sequence[str] = ()) -> str:
             f"    response: {{channel: {_quoted(columns[0])}, quantity: displacement}}",
             f"    force: {{array: {_quoted(columns[1])}}}",
         ]
-    head = f"name: {_quoted(path.stem)}\nmodel:\n  modal:\n    - {{name: joint, band: [1, 2], joint: {{type: iwan4}}}}\n"
-    lines = ["    kind: loop", "    joint: joint", *named]
-    return f"{head}recordings:\n  - file: {_quoted(path.name)}\n" + "\n".join(lines) + "\n"
+    return _study(path, "[1, 2]", ["    kind: loop", "    joint: joint", *named])
 
 
 def _study(path: Path, band: str, lines: Sequence[str]) -> str:

@@ -108,6 +108,9 @@ class MeasuredMode(AbstractResult):
                 f"{self.name}: at equal amplitude the recordings lie {f_rms:.2g} Hz and "
                 f"{100 * z_rms:.2g} % damping (rms) about their mean"
             )
+        for hit in (*self.hits, *self.held_out):
+            if hit.ringdown is not None:
+                lines += [f"{self.name}: {hit.name}: {told}" for told in hit.ringdown.remarks]
         return ("\n".join([*lines, *(f"{self.name}: left out {why}" for why in self.skipped)]),)
 
 
@@ -162,6 +165,8 @@ def _mode(
     skipped: Sequence[str],
 ) -> MeasuredMode:
     if study.modal and not hits["fit"]:
+        if skipped:
+            raise InputError(skipped[0])
         raise InputError(
             f"{study.label}: no recording with use: fit is of mode {key!r}; add one, or take the "
             "mode out"
@@ -241,9 +246,7 @@ def _hits(
                     order=study.ringdown.order,
                 )
             except InputError as error:
-                if study.modal:
-                    raise InputError(f"{entry.place}: {name}: {error}") from None
-                yield key, f"{name}: {error}"
+                yield key, f"{entry.place if study.modal else ''}: {name}: {error}".lstrip(": ")
             else:
                 yield key, Hit(name, found.curves, found)
 
