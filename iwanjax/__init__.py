@@ -222,7 +222,6 @@ __all__ = [
 
 
 def _draw(result: Any, **options: Any) -> Any:
-    from iwanjax.modal_analysis import ModalTest, modal_test
     from iwanjax.plotting import plot
 
     return plot(result, **options)

@@ -175,8 +175,9 @@ def read_study(path: str | Path) -> StudySetup:
     ----------
     path : str or Path
         A YAML file with ``name`` and ``model``: a ``file`` of ours, ``matrices`` of another
-        program, a ``builder``, or a modal ``test`` of recordings, with ``joints`` and ``trust``, how exact it is
-        (``{frequencies: 0.005, damping: 0.3}``); or ``modal``, single modes.
+        program, a ``builder``, or a modal ``test`` of recordings, with ``joints`` and
+        ``trust``, how exact it is (``{frequencies: 0.005, damping: 0.3}``); or ``modal``, single
+        modes.
         Optional are ``recordings``, what is analysed (``modes``, ``bands``), what is known
         of parameters (``bounds``, ``priors``, ``values``, ``fixed``; those of a structure are
         called ``J1.chi`` or, of elastic mode 1, ``mode1.zeta_0``, and ``fixed: {J1.chi: -0.5}``

@@ -16,23 +16,25 @@ from iwanjax.files import nearest
 from iwanjax.modal_analysis.modal_model import FittedModes, ModalModel, fitted
 from iwanjax.modal_analysis.poles import MOST_DAMPING, Stabilisation, clustered, poles_by_order
 from iwanjax.modal_analysis.result import ModalTest
-from iwanjax.modal_analysis.start import linear_start
+from iwanjax.modal_analysis.start import linear_start, residual_modes
 from iwanjax.signals.frf import Estimator, FrequencyResponses, frequency_responses
 from iwanjax.signals.recording import Recording
 from iwanjax.signals.spectral_samples import Excitation
 from iwanjax.threads import one_thread
 from iwanjax.types import require_double_precision
 
-# Poles of the largest model, all references together: several times the modes of any band that
-# one test tells apart.
+# Poles of the largest model: several times the modes of any band that one test tells apart; of
+# several inputs each order brings one for each.
 _MOST_POLES = 40
+# Orders of the stabilisation chart at least.
+_LEAST_ORDERS = 20
 # A mode shows in a third of the orders at least: weak ones come late.
 _ORDERS = 3
-# Terms below and above the band are modes at half of its lower end and twice its upper one: far
-# enough to be smooth within, near enough not to shorten the time steps of a simulation.
+# The upper residual term is of a mode at twice the band's upper end: far enough to be smooth
+# within, near enough not to shorten the time steps of a simulation.
 _BEYOND = 2.0
-# The lowest frequency of a mode below the band, over the band's lower end: within the band it is a
-# mass, to a quarter of a percent.
+# The lower one is of a mode at this share of the lower end: within the band a mass, to a quarter
+# of a percent, and yet a structure that floats has stiffness.
 _LOWEST = 0.05
 # Lines either side over which scatter and misfit are averaged: 11 complex values tell a deviation
 # to 15 %.
@@ -78,7 +80,7 @@ def modal_test(
     band : (f_1, f_2), optional
         Hz; by default where forces (of decays the responses) have energy.
     order : int or "auto"
-        Poles of the largest model; 40 where the lines suffice.
+        Poles of the largest model; by default 40, or 20 for each input.
     driving_points : mapping of str to str, optional
         For an input the sensor at its place, in its direction: their shapes are the same, which
         scales all. By default a sensor of the same name.
@@ -132,7 +134,10 @@ def modal_test(
             "longer or less noisy recordings"
         )
     end, deviation, which, said = _fit(responses, poles, sites)
-    return _result(responses, end, deviation, sites, _renumbered(stabilisation, which, end), said)
+    own = _in_band(responses, end)
+    if not own.size:
+        raise InputError(f"no mode is left in the band: {'; '.join(said) or 'none resonates'}")
+    return _result(responses, end, deviation, sites, _renumbered(stabilisation, which, own), said)
 
 
 def _sites(responses: FrequencyResponses, given: Mapping[str, str]) -> tuple[int | None, ...]:
@@ -170,12 +175,12 @@ def _poles(
 ) -> tuple[Complex[np.ndarray, " n"], Stabilisation]:
     """Poles that come back, and those of all orders."""
     inputs, lines = len(responses.inputs), len(responses.frequency)
-    # Three lines for each coefficient at least.
-    most = min(_MOST_POLES if order == "auto" else int(order), inputs * (lines // 3))
+    most = max(_MOST_POLES, _LEAST_ORDERS * inputs) if order == "auto" else int(order)
     if most < 2:
-        raise InputError(f"order = {order}: expected 2 poles at least, of {lines} lines")
-    highest = max(most // inputs, 2)
-    orders = range(2, highest + 1, max(highest // (_MOST_POLES // 2), 1))
+        raise InputError(f"order = {order}: expected 2 poles at least")
+    # Three lines for each coefficient at least.
+    highest = max(min(most // inputs, lines // 3), 2)
+    orders = range(2, highest + 1, max(highest // _LEAST_ORDERS, 1))
     deviation = _first_deviation(responses)
     weight = 1.0 / np.sqrt(np.mean(deviation**2, axis=2))
     found = poles_by_order(responses.s, responses.frf, weight, orders)
@@ -194,13 +199,12 @@ def _fit(
     """
     lines, deviation = _telling(responses, poles), _first_deviation(responses)
     which, said, settled = np.arange(len(poles)), [], 0
-    ends = 2.0 * math.pi * responses.frequency[[0, -1]]
+    ends = 2.0 * math.pi * responses.frequency[[0, -1]] * np.array([_LOWEST, _BEYOND])
     # As the modes in the band have.
-    usual = float(np.median(-poles.real / np.abs(poles)))
-    lower, upper = (ends[0] / _BEYOND, usual), (ends[1] * _BEYOND, usual)
+    edges = np.stack([ends, np.full(2, np.median(-poles.real / np.abs(poles)))])
     while True:
-        model = _model(responses, len(poles), sites, deviation, lines, upper)
-        begin, gain = linear_start(model, poles, lower)
+        model = _model(responses, len(poles), sites, deviation, lines, edges)
+        begin, gain = linear_start(model, poles)
         end = fitted(model, begin)
         lost = _lost(responses, end, gain if settled else None)
         if not any(lost):
@@ -211,12 +215,10 @@ def _fit(
         kept = np.array([each is None for each in lost])
         if not kept.any():
             raise InputError(f"no mode is left: {'; '.join(said)}")
-        modes, n = end.modes, len(poles)
+        modes = end.modes
         omega, zeta = np.asarray(modes.omega), np.asarray(modes.zeta)
-        if n < len(omega):
-            lower = float(omega[n]), float(zeta[n])
-        omega, zeta = omega[:n][kept], zeta[:n][kept]
-        poles = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+        omega, zeta = omega[kept], zeta[kept]
+        poles = omega * (-zeta + 1j * np.sqrt(np.maximum(1.0 - zeta**2, 0.0)))
         which = which[kept]
         every = np.asarray(model.functions(modes, jnp.asarray(responses.s)))
         square = _averaged(np.abs(every - responses.frf) ** 2)
@@ -229,20 +231,20 @@ def _lost(
 ) -> list[str | None]:
     """For each mode why it is none, as far as this test can tell; None for a mode."""
     model, modes = end.model, end.modes
-    n, (sensors, inputs) = model.count, model.H.shape[1:]
-    frequency = np.asarray(modes.omega[:n]) / (2.0 * math.pi)
+    _, sensors, inputs = model.H.shape
+    frequency = np.asarray(modes.omega) / (2.0 * math.pi)
     std = end.deviations[2]
     sites = [site for site in model.sites if site is not None]
-    seen = np.linalg.norm(np.asarray(modes.shapes)[sites, :n], axis=0)
-    unsure = np.linalg.norm(std[sites, :n], axis=0)
+    seen = np.linalg.norm(np.asarray(modes.shapes)[sites], axis=0)
+    unsure = np.linalg.norm(std[sites], axis=0)
     # What a mode adds to the description, by the Bayesian information criterion.
     price = (2 + sensors + inputs) * math.log(2 * model.H.size)
     low, high = responses.frequency[[0, -1]]
     said: list[str | None] = []
     for k, f in enumerate(frequency):
         name = f"a mode at {f:.4g} Hz"
-        if not low <= f <= high or modes.zeta[k] > MOST_DAMPING:
-            said.append(f"{name} is left to the residual terms: beyond the band, or no resonance")
+        if not low / _BEYOND < f < high * _BEYOND:
+            said.append(f"{name} is left to the residual terms: far beyond the band")
         elif sites and not model.decays and seen[k] < _SEEN * unsure[k]:
             said.append(
                 f"{name} moves no driving point (shape there {seen[k]:.2g} +- {unsure[k]:.2g}), so "
@@ -261,7 +263,7 @@ def _model(
     sites: tuple[int | None, ...],
     deviation: np.ndarray,
     lines: np.ndarray,
-    upper: tuple[float, float],
+    edges: np.ndarray,
 ) -> ModalModel:
     """What is measured, at some of its lines."""
     decays, power = responses.excitation == "decay", responses.derivatives
@@ -274,9 +276,7 @@ def _model(
         sites=sites,
         decays=decays,
         count=count,
-        residual=0 if decays else 2 * len(responses.inputs),
-        lowest=2.0 * math.pi * float(responses.frequency[0]) * _LOWEST,
-        upper=jnp.asarray(upper),
+        edges=jnp.asarray(edges),
         middle=jnp.zeros(0),
         scale=jnp.ones(0),
     )
@@ -294,11 +294,10 @@ def _telling(responses: FrequencyResponses, poles: np.ndarray) -> np.ndarray:
     return np.union1d(near, spread)
 
 
-def _renumbered(stabilisation: Stabilisation, which: np.ndarray, end: FittedModes) -> Stabilisation:
+def _renumbered(stabilisation: Stabilisation, which: np.ndarray, own: np.ndarray) -> Stabilisation:
     """Poles with the modes that are left of them, lowest frequency first."""
-    order = np.argsort(np.asarray(end.modes.omega[: len(which)]), kind="stable")
     number = np.full(max(int(stabilisation.mode.max(initial=-1)) + 1, 1), -1)
-    number[which[order]] = np.arange(len(which))
+    number[which[own]] = np.arange(len(own))
     mode = np.where(stabilisation.mode >= 0, number[stabilisation.mode], -1)
     return replace(stabilisation, mode=mode)
 
@@ -312,23 +311,34 @@ def _result(
     said: list[str],
 ) -> ModalTest:
     model, modes = end.model, end.modes
-    n, total = model.count, model.count + model.residual
-    order = np.argsort(np.asarray(modes.omega[:n]), kind="stable")
-    omega_std, zeta_std, shapes_std = end.deviations
-    shapes = np.asarray(modes.shapes)
+    frequency, damping = np.asarray(modes.omega) / (2.0 * np.pi), np.asarray(modes.zeta)
     scaled = not model.decays and any(site is not None for site in sites)
-    fit = np.asarray(model.functions(modes, jnp.asarray(responses.s)))
-    measured = responses.frf
-    size = np.sqrt(np.sum(np.abs(measured) ** 2, axis=(0, 2)))
-    drives = np.zeros((0, total)) if model.decays else np.asarray(modes.drives)
-    all_frequency, all_damping = np.asarray(modes.omega) / (2.0 * np.pi), np.asarray(modes.zeta)
-    frequency, damping = all_frequency[order], all_damping[order]
-    largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(total)]
+    shapes, drives = np.asarray(modes.shapes), np.asarray(modes.drives)
+    if model.decays:
+        drives = np.zeros((0, shapes.shape[1]))
+    else:
+        for numerator, omega, zeta in zip(modes.remote, *model.edges, strict=True):
+            more = residual_modes(np.asarray(numerator), model.sites)
+            shapes, drives = (np.c_[a, b] for a, b in zip((shapes, drives), more, strict=True))
+            frequency = np.r_[frequency, np.full(more[0].shape[1], omega / (2.0 * math.pi))]
+            damping = np.r_[damping, np.full(more[0].shape[1], zeta)]
+    own = _in_band(responses, end)
+    # All others stand for what lies beyond.
+    rest = np.setdiff1d(np.arange(len(frequency)), own)
+    largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])]
     largest = np.where(largest == 0.0, 1.0, largest)
     scale = np.sign(largest) if scaled else 1.0 / largest
-    shapes, shapes_std = shapes * scale, shapes_std * np.abs(scale)
-    drives = drives * scale if scaled else drives / scale
-    misfit = np.sqrt(np.sum(np.abs(fit - measured) ** 2, axis=(0, 2))) / size
+    shapes, drives = shapes * scale, drives * scale if scaled else drives / scale
+    omega_std, zeta_std, shapes_std = end.deviations
+    fit = np.asarray(model.functions(modes, jnp.asarray(responses.s)))
+    if not model.decays:  # as a structure has them, whose residual terms are modes
+        s = responses.s[:, None]
+        omega = 2.0 * math.pi * frequency
+        dynamic = 1.0 / (s**2 + 2.0 * damping * omega * s + omega**2)
+        fit = np.einsum("sr,fr,ir->fsi", shapes, dynamic, drives)
+        fit *= (s**responses.derivatives)[:, :, None]
+    size = np.sqrt(np.sum(np.abs(responses.frf) ** 2, axis=(0, 2)))
+    misfit = np.sqrt(np.sum(np.abs(fit - responses.frf) ** 2, axis=(0, 2))) / size
     scatter = np.sqrt(np.sum(responses.frf_std**2, axis=(0, 2))) / size
     if np.any(misfit > _SEEN * scatter):
         said = [
@@ -337,19 +347,21 @@ def _result(
             f"{100 * np.max(scatter):.2g} %: the structure is not linear at this level, or modes "
             "are missing; deviations are by what is left",
         ]
+    if not end.converged:
+        said = [*said, "the fit has not converged: narrow the band or lower order"]
     return ModalTest(
-        frequency=frequency,
-        frequency_std=frequency * omega_std[order],
-        damping=damping,
-        damping_std=damping * zeta_std[order],
-        shapes=shapes[:, :n][:, order],
-        shapes_std=shapes_std[:, :n][:, order],
-        drives=drives[:, :n][:, order],
+        frequency=frequency[own],
+        frequency_std=(frequency[: model.count] * omega_std)[own],
+        damping=damping[own],
+        damping_std=(damping[: model.count] * zeta_std)[own],
+        shapes=shapes[:, own],
+        shapes_std=(shapes_std * np.abs(scale[: model.count]))[:, own],
+        drives=drives[:, own],
         scaled=scaled,
-        residual_frequency=all_frequency[n:],
-        residual_damping=all_damping[n:],
-        residual_shapes=shapes[:, n:],
-        residual_drives=drives[:, n:],
+        residual_frequency=frequency[rest],
+        residual_damping=damping[rest],
+        residual_shapes=shapes[:, rest],
+        residual_drives=drives[:, rest],
         responses=responses,
         fitted=fit,
         distortion=deviation,
@@ -364,3 +376,11 @@ def _result(
         converged=end.converged,
         warnings=tuple(said),
     )
+
+
+def _in_band(responses: FrequencyResponses, end: FittedModes) -> np.ndarray:
+    """Indices of the modes that are resonances of the band, lowest frequency first."""
+    f, zeta = np.asarray(end.modes.omega) / (2.0 * np.pi), np.asarray(end.modes.zeta)
+    low, high = responses.frequency[[0, -1]]
+    found = np.flatnonzero((f >= low) & (f <= high) & (zeta <= MOST_DAMPING))
+    return found[np.argsort(f[found], kind="stable")]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -13,9 +14,7 @@ _LEAST_PART = 1e-2
 
 
 def linear_start(
-    model: ModalModel,
-    poles: Complex[np.ndarray, " n"],
-    lower: tuple[float, float],
+    model: ModalModel, poles: Complex[np.ndarray, " n"]
 ) -> tuple[Modes, Float[np.ndarray, " n"]]:
     r"""Modes where their poles are known.
 
@@ -28,8 +27,6 @@ def linear_start(
         What is measured; its own parameters are not used.
     poles : (n,) array
         rad/s.
-    lower : (omega, zeta)
-        Of the modes below the band.
 
     Returns
     -------
@@ -40,37 +37,30 @@ def linear_start(
     s, H, deviation = (np.asarray(each) for each in (model.s, model.H, model.deviation))
     omega, zeta = np.abs(poles), -poles.real / np.abs(poles)
     n, (sensors, inputs) = len(poles), H.shape[1:]
-    if not model.decays:  # residual modes of one frequency share one numerator
-        omega, zeta = np.c_[[omega, zeta], lower, np.asarray(model.upper)]
-    dynamic = 1.0 / (s[:, None] ** 2 + 2.0 * zeta * omega * s[:, None] + omega**2)
-    remote = np.stack([1.0 / s, np.ones_like(s), s], axis=1)
-    terms = np.concatenate([dynamic * s[:, None], dynamic, remote], axis=1)
-    power = np.asarray(model.power)
-    found = np.zeros((terms.shape[1] if model.decays else n + 2, sensors, inputs))
+    dynamic, beyond = (np.asarray(each) for each in model.terms(omega, zeta, jnp.asarray(s)))
+    if model.decays:
+        dynamic = np.concatenate([dynamic * s[:, None], dynamic], axis=1)
+    terms = np.concatenate([dynamic, beyond], axis=1)
+    found = np.zeros((terms.shape[1], sensors, inputs))
     gain = np.zeros(n)
-    for j in range(sensors):
-        columns = terms if model.decays else dynamic * s[:, None] ** power[j]
+    for j, power in enumerate(np.asarray(model.power)):
         for i in range(inputs):
-            A, b = columns / deviation[:, j, i, None], H[:, j, i] / deviation[:, j, i]
+            A = terms * s[:, None] ** power / deviation[:, j, i, None]
+            b = H[:, j, i] / deviation[:, j, i]
             A, b = np.concatenate([A.real, A.imag]), np.concatenate([b.real, b.imag])
             size = np.linalg.norm(A, axis=0)
-            found[:, j, i] = np.linalg.lstsq(A / size, b, rcond=None)[0] / size
+            x = np.linalg.lstsq(A / size, b, rcond=None)[0]
             covariance = np.linalg.pinv(A.T @ A / np.outer(size, size), hermitian=True)
-            each = (found[:, j, i] * size) ** 2 / np.diag(covariance)
-            gain += each[:n] + (each[n : 2 * n] if model.decays else 0.0)
+            # Two parts of each complex value, as the residuals count them.
+            each = 2.0 * x**2 / np.diag(covariance)
+            gain += np.sum(each[: dynamic.shape[1]].reshape(-1, n), axis=0)
+            found[:, j, i] = x / size
+    numerators, remote = found[: dynamic.shape[1]], found[dynamic.shape[1] :]
     if model.decays:
-        pairs = np.concatenate([found[:n], found[n : 2 * n]], axis=2)
-        factors = [_rank_one(each, ()) for each in pairs]
-        shapes, drives = (np.stack(each, axis=1) for each in zip(*factors, strict=True))
-        return Modes(omega, zeta, shapes, drives, found[2 * n :]), 2.0 * gain
-    factors = [_rank_one(each, model.sites) for each in found[:n]]
+        numerators = np.concatenate([numerators[:n], numerators[n:]], axis=2)
+    factors = [_rank_one(each, () if model.decays else model.sites) for each in numerators]
     shapes, drives = (np.stack(each, axis=1) for each in zip(*factors, strict=True))
-    for each in found[n:]:
-        at_sensors, at_inputs = _residual(each, model.sites)
-        shapes, drives = np.c_[shapes, at_sensors], np.c_[drives, at_inputs]
-    spread = np.r_[np.arange(n), np.repeat([n, n + 1], inputs)]
-    omega, zeta = omega[spread], zeta[spread]
-    return Modes(omega, zeta, shapes, drives, np.zeros((3, 0, 0))), 2.0 * gain
+    return Modes(*map(jnp.asarray, (omega, zeta, shapes, drives, remote))), gain
 
 
 def _rank_one(
@@ -89,21 +79,35 @@ def _rank_one(
     return scale * u, sign * v / scale
 
 
-def _residual(
+def residual_modes(
     numerator: Float[np.ndarray, "s i"], sites: Sequence[int | None]
-) -> tuple[np.ndarray, np.ndarray]:
-    """The same of rank i; at driving points what a structure can have, a positive part."""
-    inputs = numerator.shape[1]
-    if None in sites:
+) -> tuple[Float[np.ndarray, "s r"], Float[np.ndarray, "i r"]]:
+    r"""Modes of one frequency that make a residual term, as far as a structure can have it.
+
+    At the driving points the term has to be symmetric and positive, :math:`R_{dd} = V \Lambda
+    V^T`; then :math:`\psi = R_{sd} V \Lambda^{-1/2}` has :math:`\psi_s \psi_d^T = R_{sd}`.
+
+    Parameters
+    ----------
+    numerator : (s, i) array
+        R.
+    sites : tuple of int or None
+        For each input the sensor at its place.
+
+    Returns
+    -------
+    shapes, drives : (s, r), (i, r) array
+        At sensors and inputs, one mode for each positive part.
+    """
+    known = [i for i, site in enumerate(sites) if site is not None]
+    if not known:
         U, size, Vt = np.linalg.svd(numerator, full_matrices=False)
-        root = np.zeros(inputs)
-        root[: len(size)] = np.sqrt(size)
-        wide = np.zeros((len(numerator), inputs))
-        wide[:, : len(size)] = U
-        return wide * root, (Vt.T * np.sqrt(size)) @ np.eye(len(size), inputs)
+        return U * np.sqrt(size), Vt.T * np.sqrt(size)
     at = [site for site in sites if site is not None]
-    values, vectors = np.linalg.eigh(0.5 * (numerator[at] + numerator[at].T))
+    there = numerator[np.ix_(at, known)]
+    values, vectors = np.linalg.eigh(0.5 * (there + there.T))
     kept = values > _LEAST_PART * max(values[-1], 0.0)
-    root = np.sqrt(np.where(kept, values, 1.0))
-    shapes = numerator @ np.where(kept, vectors / root, 0.0)
-    return shapes, shapes[at]
+    shapes = numerator[:, known] @ (vectors[:, kept] / np.sqrt(values[kept]))
+    drives = numerator.T @ np.linalg.pinv(shapes).T
+    drives[known] = shapes[at]
+    return shapes, drives

@@ -17,11 +17,14 @@ Excitation: TypeAlias = Literal["auto", "transient", "periodic", "random", "deca
 # A force repeats itself where its periods correlate to this much: they differ by 14 % (rms), more
 # than where a shaker is disturbed by the structure's own motion, less than noise ever does.
 _REPEATS = 0.99
-# A hit is over when all but this share of its energy has passed, in less than half of the record.
-_LEFT_OF_HIT = 1e-4
-# An exponential window leaves this share of a response's peak at the record's end: what is cut off
-# there is as small against the response, and so against its frequency response.
-_LEFT_AT_END = 1e-3
+# A force that has lasted for less than half of a record, all but this share of its energy beyond
+# the noise of the record's last tenth, is a hit or a burst.
+_LEFT_OF_HIT = 1e-2
+# The force channel shows contact where it is this many deviations of that noise off zero.
+_CONTACT = 5.0
+# An exponential window falls to this by the end of a record: what a mode without damping would lose
+# there, as share of itself.
+_LEFT_AT_END = 1e-2
 # Blocks of a random record, half overlapping: 15 averages.
 _BLOCKS = 8
 # Leading periods that differ from the last half's mean by more than this many of its own
@@ -92,8 +95,8 @@ def spectral_samples(
     block : float, optional
         Length of the blocks that random records are cut into, s.
     window : float, optional
-        sigma of the exponential window of hits and decays, 1/s; by default just so much that
-        a thousandth of the response's peak is left at its end.
+        sigma of the exponential window of hits and decays, 1/s; by default it falls to a
+        hundredth by the end of the shortest recording.
 
     Raises
     ------
@@ -126,9 +129,10 @@ def spectral_samples(
         inputs = tuple(dict.fromkeys(c.name for each in recordings for c in each.inputs))
     sigma, step = 0.0, 1.0 / first.sampling_rate
     if kind in ("transient", "decay"):
-        sigma = max(map(_decay_left, recordings)) if window is None else window
         count = max(each.size for each in recordings)
-        parts = [[(each.force, each.response)] for each in recordings]
+        sigma = -math.log(_LEFT_AT_END) / (_shortest(recordings) * step)
+        sigma = sigma if window is None else window
+        parts = [[(_contact(each), each.response)] for each in recordings]
         taper = np.exp(-sigma * step * np.arange(count))
     else:
         counts = [_period(each, period) if kind == "periodic" else 0 for each in recordings]
@@ -232,9 +236,10 @@ def _kind(recording: Recording, given: Excitation, period: float | None) -> Exci
         return given
     if period is not None:
         return "periodic"
-    energy = np.cumsum(np.sum(recording.force**2, axis=1))
-    over = int(np.searchsorted(energy, (1.0 - _LEFT_OF_HIT) * energy[-1]))
-    if over < recording.size // 2:
+    square = np.sum(recording.force**2, axis=1)
+    beyond = np.cumsum(square - np.mean(square[-(recording.size // 10) :]))
+    over = int(np.argmax(beyond >= (1.0 - _LEFT_OF_HIT) * beyond[-1]))
+    if beyond[-1] > 0.5 * np.sum(square) and over < recording.size // 2:
         return "transient"
     return "random" if _repeats_after(recording) is None else "periodic"
 
@@ -305,9 +310,18 @@ def _settled(periods: Float[np.ndarray, "n N s"]) -> int:
     return int(np.argmax(away <= _SETTLED * np.median(away[half:])))
 
 
-def _decay_left(recording: Recording) -> float:
-    """Decay rate of the exponential window that lets a response end, 1/s."""
-    x = np.sqrt(np.mean(recording.response**2, axis=1))
-    tail = x[-max(recording.size // 20, 1) :]  # a twentieth: some cycles of what is left
-    left = float(np.sqrt(np.mean(tail**2)) / np.max(x))
-    return max(math.log(left / _LEFT_AT_END), 0.0) / recording.duration
+def _contact(recording: Recording) -> np.ndarray | None:
+    """The force while it acts: what its channel shows after the last contact is noise."""
+    if recording.force is None:
+        return None
+    noise = np.std(recording.force[-(recording.size // 10) :], axis=0)
+    acts = np.any(np.abs(recording.force) > _CONTACT * noise, axis=1)
+    if not acts.any():
+        raise InputError(f"{recording.name}: its force is noise throughout; was it hit?")
+    first, last = np.flatnonzero(acts)[[0, -1]]
+    # As long again on either side, where the force rises and ceases.
+    width = last - first + 1
+    force = recording.force.copy()
+    force[: max(first - width, 0)] = 0.0
+    force[last + 1 + width :] = 0.0
+    return force
