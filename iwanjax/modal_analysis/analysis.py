@@ -23,11 +23,9 @@ from iwanjax.signals.spectral_samples import Excitation
 from iwanjax.threads import one_thread
 from iwanjax.types import require_double_precision
 
-# Poles of the largest model: several times the modes of any band that one test tells apart; of
-# several inputs each order brings one for each.
-_MOST_POLES = 40
-# Orders of the stabilisation chart at least.
-_LEAST_ORDERS = 20
+# Order of the largest model, and orders of the stabilisation chart: several times the modes of any
+# band that one test tells apart.
+_HIGHEST, _CHART = 40, 20
 # A mode shows in a third of the orders at least: weak ones come late.
 _ORDERS = 3
 # The upper residual term is of a mode at twice the band's upper end: far enough to be smooth
@@ -80,7 +78,7 @@ def modal_test(
     band : (f_1, f_2), optional
         Hz; by default where forces (of decays the responses) have energy.
     order : int or "auto"
-        Poles of the largest model; by default 40, or 20 for each input.
+        Of the largest model's denominator; 40 where the lines suffice.
     driving_points : mapping of str to str, optional
         For an input the sensor at its place, in its direction: their shapes are the same, which
         scales all. By default a sensor of the same name.
@@ -174,18 +172,18 @@ def _poles(
     responses: FrequencyResponses, order: int | Literal["auto"]
 ) -> tuple[Complex[np.ndarray, " n"], Stabilisation]:
     """Poles that come back, and those of all orders."""
-    inputs, lines = len(responses.inputs), len(responses.frequency)
-    most = max(_MOST_POLES, _LEAST_ORDERS * inputs) if order == "auto" else int(order)
+    lines = len(responses.frequency)
+    most = _HIGHEST if order == "auto" else int(order)
     if most < 2:
-        raise InputError(f"order = {order}: expected 2 poles at least")
+        raise InputError(f"order = {order}: expected 2 at least, or auto")
     # Three lines for each coefficient at least.
-    highest = max(min(most // inputs, lines // 3), 2)
-    orders = range(2, highest + 1, max(highest // _LEAST_ORDERS, 1))
+    highest = max(min(most, lines // 3), 2)
+    orders = range(2, highest + 1, max(highest // _CHART, 1))
     deviation = _first_deviation(responses)
     weight = 1.0 / np.sqrt(np.mean(deviation**2, axis=2))
     found = poles_by_order(responses.s, responses.frf, weight, orders)
     ends = float(responses.frequency[0]), float(responses.frequency[-1])
-    return clustered(found, orders, ends, max(len(orders) // _ORDERS, 1))
+    return clustered(found, orders, ends, max(len(orders) // _ORDERS, 1), responses.window)
 
 
 def _fit(

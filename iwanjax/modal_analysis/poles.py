@@ -78,16 +78,19 @@ def poles_by_order(
     T = 2.0 * math.pi / width
     begin = omega[0] - 0.5 * (width - (omega[-1] - omega[0]))
     powers = np.exp(1j * (omega - begin) * T)[:, None] ** np.arange(max(orders) + 1)
+    # Of the highest order; those of lower ones are their leading parts.
+    gram, projected = 0.0, []
+    for k in range(sensors):
+        Q, _ = np.linalg.qr(powers * weight[:, k, None])
+        Y = powers[:, :, None] * (H[:, k, None, :] * weight[:, k, None, None])
+        Y = Y.reshape(F, -1)
+        gram = gram + Y.conj().T @ Y
+        projected.append(Q.conj().T @ Y)
     found = []
     for n in orders:
-        X = powers[:, : n + 1]
         size = (n + 1) * inputs
-        normal = np.zeros((size, size), complex)
-        for k in range(sensors):
-            Q, _ = np.linalg.qr(X * weight[:, k, None])
-            Y = -(X[:, :, None] * (H[:, k, None, :] * weight[:, k, None, None])).reshape(F, size)
-            Y -= Q @ (Q.conj().T @ Y)
-            normal += Y.conj().T @ Y
+        seen = np.concatenate([each[: n + 1, :size] for each in projected])
+        normal = gram[:size, :size] - seen.conj().T @ seen
         rest = np.linalg.lstsq(normal[inputs:, inputs:], -normal[inputs:, :inputs], rcond=None)[0]
         # A in powers of 1/z, whose highest coefficient is the identity.
         backward = rest.reshape(n, inputs, inputs)[::-1]
@@ -107,11 +110,12 @@ def clustered(
     orders: Sequence[int],
     band: tuple[float, float],
     least: int,
+    window: float = 0.0,
 ) -> tuple[Complex[np.ndarray, " modes"], Stabilisation]:
     r"""Poles that come back at order after order, lowest frequency first.
 
     Poles are of one mode where they lie, on average, nearer to each other than half of their
-    decay rate, :math:`|\lambda - \lambda'| < \tfrac12 |\mathrm{Re} \lambda|`.
+    decay rate as measured, :math:`|\lambda - \lambda'| < \tfrac12 (\sigma - \mathrm{Re} \lambda)`.
 
     Parameters
     ----------
@@ -122,6 +126,8 @@ def clustered(
         Hz.
     least : int
         Orders that a mode must show in.
+    window : float
+        sigma of an exponential window, 1/s.
     """
     order = np.concatenate([np.full(len(p), n) for n, p in zip(orders, found, strict=True)])
     poles = np.concatenate(found)
@@ -133,7 +139,8 @@ def clustered(
     modes = np.full(len(poles), -1)
     if len(poles) < max(least, 2):
         return np.zeros(0, complex), Stabilisation(order, frequency, damping, modes)
-    apart = np.abs(poles[:, None] - poles) / (0.5 * np.abs(poles.real[:, None] + poles.real))
+    rate = window - poles.real
+    apart = np.abs(poles[:, None] - poles) / (0.5 * (rate[:, None] + rate))
     upper = apart[np.triu_indices(len(poles), 1)]
     tree = scipy.cluster.hierarchy.linkage(upper, "average")
     cluster = scipy.cluster.hierarchy.fcluster(tree, _APART, "distance")
