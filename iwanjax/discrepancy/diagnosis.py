@@ -313,6 +313,11 @@ class Diagnosis(AbstractResult):
         """What to measure next, by what is open."""
         if not self.complete:
             return ["The same recordings, with more time to compare them"]
+        if self.unnamed is not None:
+            return [
+                "Hits of other levels and at other places, to see whether the same law predicts "
+                "them; beyond the deflections that it was fitted to it goes on straight"
+            ]
         if self.refused:
             return [
                 "Recordings to fit that are as hard as those held out; what was refused had been "

@@ -66,7 +66,8 @@ class UnnamedFit:
         """What the recordings say of each term, 0 (nothing) to 1, (terms,)."""
         known = np.diag(covariance(self.problem, self.fitted, False))[self._own]
         joint, z = self.problem.joints[-1], self.fitted.theta.mean(axis=0)[self._own]
-        held = z <= joint.least
+        # At its least value but for rounding: what a force is at most made of counts as none.
+        held = z <= joint.least + 1e-9 * np.max(np.abs(z))
         return np.where(held, 0.0, np.clip(1.0 - known, 0.0, 1.0))
 
     def onward(

@@ -324,6 +324,5 @@ def plot_unnamed(diagnosis: Diagnosis) -> Figure:
     ax.plot(d, force, color=PALETTE[0], linewidth=1.4, label="virgin curve, 95 %")
     ax.set_xlabel(f"Deflection of {found.where} (model's unit)")
     ax.set_ylabel("Force (model's unit)")
-    ax.set_title(found.description, fontsize=7)
     ax.legend(loc="best")
     return figure

@@ -269,7 +269,8 @@ def diagnose_histories(
     rigid = int(np.sum(np.asarray(problem.predictor.omega2) == 0.0))
     modes = [f"mode {i - rigid + 1}" for i in range(problem.predictor.kept)]
     warnings += beyond_trust(shown.problem, shown.fitted, modes)
-    warnings += left_over(after[0], bool(what), verdict.something_else, tuple(sensors))
+    unknown = 1.0 - beyond.probability if beyond else verdict.something_else
+    warnings += left_over(after[0], bool(what), unknown, tuple(sensors))
     warnings += unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what) if what else ()
     if what and beyond is None:

@@ -33,7 +33,7 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
     if "spring" in acting:
         words += ["elastic", *_shape(law, float(np.max(np.abs(motion.d))))]
     if "damper" in acting:
-        words.append(f"damping that grows {_growth(motion.v, parts['damper'])} the rate")
+        words.append(_growth(motion.v, parts["damper"]))
     if "sliders" in acting:
         words.append("rate-independent hysteresis")
     if "relaxation" in acting:
@@ -72,18 +72,13 @@ def _shape(law: UnnamedLaw, reach: float) -> list[str]:
 
 
 def _growth(v: np.ndarray, force: np.ndarray) -> str:
-    """With which power of the rate, by a straight line through logarithms over its large values."""
+    """With which power of the rate, by a straight line through logarithms of its larger values."""
     large = np.abs(v) > settings().judgement.neighbour * np.max(np.abs(v))
     x, y = np.log(np.abs(v[large])), np.log(np.maximum(np.abs(force[large]), 1e-300))
     power = float(np.polyfit(x, y, 1)[0])
-    by = settings().judgement.neighbour
-    if abs(power - 1.0) <= by:
-        return "in proportion to"
-    return (
-        f"less than in proportion to (about power {power:.1f} of)"
-        if power < 1.0
-        else (f"more than in proportion to (about power {power:.1f} of)")
-    )
+    if abs(power - 1.0) <= settings().judgement.neighbour:
+        return "damping in proportion to the rate"
+    return f"damping that grows with the rate to the power {power:.1f}"
 
 
 def nearest(kinds: Sequence[ForceKind], motion: PlaceMotion, force: np.ndarray) -> dict[str, float]:

@@ -11,14 +11,16 @@ import numpy as np
 from iwanjax.discrepancy.findings import Score, Suspect, UnnamedForce
 from iwanjax.discrepancy.histories.likeness import described, nearest
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, Scope
+from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
 from iwanjax.effects.kinds import ForceKind, UnnamedKind
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG, shares
+from iwanjax.estimation.settings import SEARCH
 from iwanjax.identification.innovations import AtSamples
 from iwanjax.identification.kernels import observed
-from iwanjax.identification.likelihood import covariance, evidence, scale
+from iwanjax.identification.likelihood import covariance, evidence, left_by_noise, scale
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
@@ -52,7 +54,8 @@ def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) ->
     """The general law where it explains most, fitted to the free run.
 
     Each of the places of which the score test promises most is tried with the shortest memory,
-    with the joints of the nominal fit and as given; the best is gone on with.
+    for a few steps from the joints of the nominal fit and as given. The best is gone on with, and
+    the others as well where it leaves much more than noise.
 
     Parameters
     ----------
@@ -65,21 +68,25 @@ def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) ->
     """
     known = problem.settings.selection
     z = table.nominal.fitted.theta.mean(axis=0)[: problem.parameters]
-    joints, steps = [z, problem.with_given_joints(z)], known.polish
-    places = by_score(table.scores, scope.places)[: known.finalists]
-    tried = []
-    for place in places:
-        scope.progress(f"a general law at {place.label}")
-        short = (SHORT_TIME_CONSTANT,)
-        tried.append(
-            fit_unnamed_law(problem, UnnamedKind(), place, joints, short, STEPS, scope.in_time)
-        )
-        if not scope.in_time():
+    joints, short = [z, problem.with_given_joints(z)], (SHORT_TIME_CONSTANT,)
+    tried: list[UnnamedFit] = []
+    for place in by_score(table.scores, scope.places)[: known.finalists]:
+        if tried and not scope.in_time():
             break
-    odds = _odds(tried)
+        scope.progress(f"a general law at {place.label}")
+        begun = problem, UnnamedKind(), place, joints, short
+        tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
+    first, *others = sorted(tried, key=lambda each: each.fitted.cost)
+    ended = [first.onward(short, STEPS, scope.in_time)]
+    if ended[0].fitted.cost > FAR * left_by_noise(problem):
+        others = [each.onward(short, STEPS, scope.in_time) for each in others]
+    ended += others
+    odds = _odds(ended)
     best = int(np.argmax(odds))
     memories = (TIME_CONSTANT, known.long_time_constant, math.inf)
-    return PlacedLaw(tried[best].onward(memories, steps, scope.in_time), float(odds[best]))
+    scope.progress(f"the general law at {ended[best].place.label}, to the free run")
+    found = ended[best].onward(memories, known.polish, scope.in_time)
+    return PlacedLaw(found, float(odds[best]))
 
 
 class Ended(NamedTuple):
@@ -135,7 +142,13 @@ class Beyond(NamedTuple):
     def among(self, named: Sequence[Suspect]) -> list[Suspect]:
         """The law and the names, by probability; where that is the same the law first."""
         own = Suspect(UnnamedKind(), self.force.where, self.probability, 0.0, ())
-        others = [each._replace(probability=self.kept * each.probability) for each in named]
+        behind = math.log(max(self.kept, 1e-300))
+        others = [
+            each._replace(
+                probability=self.kept * each.probability, log_evidence=each.log_evidence + behind
+            )
+            for each in named
+        ]
         return sorted([own, *others], key=lambda each: -each.probability)
 
 
