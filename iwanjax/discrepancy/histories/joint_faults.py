@@ -171,7 +171,7 @@ def stuck(
         for kind in scope.kinds
         if isinstance(kind, JointKind) and kind.name == "stiction"
         for j, label in enumerate(scope.joints)
-        if type(problem.joints[j].given) is Iwan4
+        if type(problem.joints[j].given) is Iwan4 and label not in scope.excluded
     ]
     return _best_of_each(made, limits, scope, time_constant)
 

@@ -40,6 +40,8 @@ class Scope:
         Told of every stage.
     inputs : tuple of str
         Labels of the measured forces.
+    excluded : frozenset of str
+        Places where all laws of the catalogue at once do not help.
     """
 
     kinds: tuple[Kind, ...]
@@ -49,6 +51,7 @@ class Scope:
     in_time: Callable[[], bool]
     progress: Callable[[str], None]
     inputs: tuple[str, ...] = ()
+    excluded: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,9 +157,15 @@ def places_of(candidates: Sequence[Candidate]) -> tuple[PlaceEvidence, ...]:
 
 
 def where_something_acts(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Those at places where something helps, and which the likeliest place does not exclude."""
-    least = max([0.0, *(c.place.log_evidence - LEAST_GAIN for c in candidates)])
-    return [c for c in candidates if c.place.log_evidence > least]
+    """Those at places that the likeliest one does not exclude, whatever acts there."""
+    best = max((c.place.log_evidence for c in candidates), default=0.0)
+    return [c for c in candidates if c.place.log_evidence > best - LEAST_GAIN]
+
+
+def excluded(tests: Sequence[Sequence[Candidate]]) -> frozenset[str]:
+    """Places that no score test leaves as one where something acts."""
+    tested = {c.place.where for each in tests for c in each}
+    return frozenset(tested - {c.place.where for each in tests for c in where_something_acts(each)})
 
 
 def _judged(

@@ -41,9 +41,11 @@ from iwanjax.discrepancy.histories.restarts import (
 )
 from iwanjax.discrepancy.histories.score_test import (
     Candidate,
+    excluded,
     places_of,
     where_something_acts,
 )
+from iwanjax.effects.catalogue import kinds_of
 from iwanjax.identification.estimates import determined
 from iwanjax.identification.hypotheses import shrunk
 from iwanjax.identification.likelihood import evidence, left_by_noise
@@ -120,6 +122,9 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
         for c in candidates
     )
+    if set(kinds_of()) <= set(scope.kinds):
+        # By fewer kinds than all a place may look empty of what they cannot do.
+        scope = replace(scope, excluded=excluded(both))
     # About the joints with which any of them explains most.
     tested = [places_of(each) for each in both if each]
     places = max(tested, key=lambda each: each[0].reduction, default=())
@@ -138,7 +143,8 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         return ModelSelection(False, RankedFit(problem, nominal), (), scores, places)
     entries = again(near, shorts[len(near) :], TIME_CONSTANT, scope)
     if least(nominal, entries).cost > FAR * left_by_noise(problem):
-        entries = probed(problem, shorts, entries, [c for each in both for c in each], scope)
+        likely = [c for each in both for c in where_something_acts(each)]
+        entries = probed(problem, shorts, entries, likely, scope)
     entries = restarted(problem, nominal, entries, scope, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     if scope.in_time():
@@ -276,8 +282,16 @@ def first_fits(
     """The best candidates at places where something acts, whatever it is, refitted."""
     known = problem.settings.selection
     least = known.least_promise / max(evidence(problem, [nominal]).worth(nominal), 1e-300)
-    promising = [where_something_acts([c for c in each if c.drop > least]) for each in scored]
     far = nominal.cost > FAR * left_by_noise(problem)
+    # Where joints are bent something acts somewhere, though no column may show it.
+    promising = [
+        [
+            c
+            for c in where_something_acts(each)
+            if c.drop > least and (far or c.place.log_evidence > 0.0)
+        ]
+        for each in scored
+    ]
     chosen: dict[Variant, list[Start]] = {}
     for candidates in promising:
         for rank, c in enumerate(candidates):
