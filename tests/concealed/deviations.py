@@ -64,8 +64,8 @@ class Stated:
         )
 
 
-def _sizes(found: dict[str, Any], truth: dict[str, Any], rate: float) -> Iterator[Any]:
-    """(kind, where, name, truth's value) of every size that is concealed."""
+def _sizes(truth: dict[str, Any], rate: float) -> Iterator[tuple[str, str, str, float]]:
+    """Kind, place, name and value of every size that is concealed."""
     kinds, places = truth["kind"], truth["where"]
     if isinstance(kinds, str):
         kinds, places = [kinds], [places]
@@ -75,16 +75,13 @@ def _sizes(found: dict[str, Any], truth: dict[str, Any], rate: float) -> Iterato
             yield kind, where, called, in_terms(value, rate)
 
 
-def stated(name: str, found: dict[str, Any], folder: Path) -> list[Stated]:
+def stated(name: str, found: dict[str, Any], truth: dict[str, Any], rate: float) -> list[Stated]:
     """All numbers of a verdict that is right, those of drifting joints left out."""
-    truth = json.loads((folder / "truth.json").read_text())
     if not found["right"] or "parameters" not in truth:
         return []
-    study = yaml.safe_load((folder / "study.yaml").read_text())
-    rate = float(study["recordings"][0].get("sampling_rate", math.nan))
     entries = {(each["kind"], each["where"]): each["parameters"] for each in found["what"]}
     rows = []
-    for kind, where, called, value in _sizes(found, truth, rate):
+    for kind, where, called, value in _sizes(truth, rate):
         if called in (given := entries.get((kind, where), {})):
             rows.append((kind, where, called, given[called], value))
     drifts = truth["where"] if truth["kind"] == "joint_drift" else None
@@ -104,10 +101,18 @@ def _line(name: str, some: list[Stated]) -> str:
     return f"{name:24} | {100 * within[0]:4.0f} % | {100 * within[1]:4.0f} % | {len(some):3d}"
 
 
+def _of_folder(name: str, found: dict[str, Any], folder: Path) -> list[Stated]:
+    """The same of a case whose truth lies beside it."""
+    truth = json.loads((folder / name / "truth.json").read_text())
+    study = yaml.safe_load((folder / name / "study.yaml").read_text())
+    rate = float(study["recordings"][0].get("sampling_rate", math.nan))
+    return stated(name, found, truth, rate)
+
+
 def coverage(record: dict[str, Any], folder: Path) -> str:
     """Shares within one and two deviations, by parameter and by effect, and what lies beyond."""
     right = [(name, each) for name, each in record.items() if "error" not in each]
-    every = [each for name, found in right for each in stated(name, found, folder / name)]
+    every = [each for name, found in right for each in _of_folder(name, found, folder)]
     known = [each for each in every if each.determined]
     if not known:
         return "no number is determined in a verdict that is right"

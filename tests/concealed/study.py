@@ -64,7 +64,7 @@ def _study(case: Case, name: str) -> dict:
     }
 
 
-def _truth(case: Case, noise: float) -> dict:
+def truth_of(case: Case, noise: float) -> dict:
     """What is concealed: one kind and place, or lists of them for a pair."""
     kinds = [effect.kind for effect in case.effects]
     places = [effect.where for effect in case.effects]
@@ -105,7 +105,7 @@ def write(case: Case, folder: Path) -> None:
         )
     text = yaml.safe_dump(_study(case, folder.name), sort_keys=False)
     (folder / "study.yaml").write_text(text)
-    (folder / "truth.json").write_text(json.dumps(_truth(case, noise), indent=1))
+    (folder / "truth.json").write_text(json.dumps(truth_of(case, noise), indent=1))
 
 
 def main(arguments: list[str] | None = None) -> None:
