@@ -124,13 +124,14 @@ def _kicked(
     js = system.structure
     M, K, B = (np.asarray(x) for x in (js.structure.M, js.structure.K, js.rows))
     C = np.asarray(js.structure.C)
-    K_T = np.array([float(joint.K_T) for joint in js.joints.values()])
+    joints = [joint for joint in js.joints.values() if isinstance(joint, ij.Iwan4)]
+    K_T = np.array([float(joint.K_T) for joint in joints])
     omega2, Phi = eigh(K + B.T @ (K_T[:, None] * B), M)
     omega2[omega2 < 1e-9 * omega2[-1]] = 0.0
     P, W, damping = B @ Phi, system.row @ Phi, Phi.T @ C @ Phi
     classical = np.allclose(damping, np.diag(np.diag(damping)), atol=1e-9 * np.abs(damping).max())
     damping = np.diag(damping) if classical else damping
-    banks = [joint.discrete() for joint in js.joints.values()]
+    banks = [joint.discrete() for joint in joints]
     phi, k = (np.stack([np.asarray(getattr(bank, x)) for bank in banks]) for x in ("phi", "k"))
     q, v, d = _march(
         tuple(map(jnp.asarray, _linear(omega2, damping, dt / steps))),
@@ -138,7 +139,7 @@ def _kicked(
         dt / steps,
         steps,
     )
-    phi_max = np.array([float(joint.phi_max) for joint in js.joints.values()])
+    phi_max = np.array([float(joint.phi_max) for joint in joints])
     reach = float(np.max(np.abs(np.asarray(d)) / phi_max))
     sees = modal_sensors(js) @ Phi
     return Converged(np.asarray(q) @ sees.T, np.asarray(v) @ sees.T, reach, math.nan)
@@ -152,19 +153,18 @@ def _linear(omega2: Array, damping: Array, h: float) -> tuple[Array, Array, Arra
         whole[:, 0, 1] = 1.0
         whole[:, 1, 0], whole[:, 1, 1], whole[:, 1, 2] = -omega2 * h**2, -damping * h, h**2
         whole[:, 2, 3] = 1.0
-        whole = expm(whole)
+        whole = np.asarray(expm(whole), np.float64)
         return whole[:, :2, :2], whole[:, :2, 2] - whole[:, :2, 3], whole[:, :2, 3]
     eye, none = np.eye(m), np.zeros((m, m))
-    whole = expm(
-        np.block(
-            [
-                [none, eye, none, none],
-                [-np.diag(omega2) * h**2, -damping * h, h**2 * eye, none],
-                [none, none, none, eye],
-                [none, none, none, none],
-            ]
-        )
+    generator = np.block(
+        [
+            [none, eye, none, none],
+            [-np.diag(omega2) * h**2, -damping * h, h**2 * eye, none],
+            [none, none, none, eye],
+            [none, none, none, none],
+        ]
     )
+    whole = np.asarray(expm(generator), np.float64)
     two = 2 * m
     last = whole[:two, two + m :]
     return whole[:two, :two], whole[:two, two : two + m] - last, last
