@@ -34,12 +34,14 @@ _KEYS: dict[Kind, tuple[str, ...]] = {
     "curves": (*_EVERY, "response", "mode"),
     "response_control": (*_EVERY, "response", "mode", "levels"),
     "force_control": (*_EVERY, "response", "mode", "levels"),
-    "loop": (*_EVERY, "joint"),
+    "loop": (*_EVERY, "joint", "sampling_rate", "response", "force"),
 }
 # What files call the attributes of a Measurement that are named otherwise.
 _IN_FILES = {"start": "from", "end": "to"}
 # Of a response that is an amplitude of one mode, not a time history.
 _AMPLITUDE = ("sensors", "quantity", "unit")
+# Of a loop's, its deflection.
+_DEFLECTION = ("channel", "quantity", "unit")
 
 
 def recording_entries(
@@ -158,10 +160,11 @@ def _refuse_foreign(source: Source, place: Place, section: RecordingSection) -> 
     if section.kind in _HISTORIES:
         return
     for key in _given(section.response):
-        if key not in _AMPLITUDE:
+        expected = _DEFLECTION if section.kind == "loop" else _AMPLITUDE
+        if key not in expected:
             raise source.error(
                 (*place, "response", key),
-                f"does not belong to kind {section.kind}; expected one of {', '.join(_AMPLITUDE)}",
+                f"does not belong to kind {section.kind}; expected one of {', '.join(expected)}",
             )
     if len(section.response.sensors) > 1:
         raise source.error(

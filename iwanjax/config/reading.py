@@ -134,7 +134,13 @@ def read_force_loop(entry: RecordingEntry) -> ForceLoop:
     if isinstance(entry.data, ForceLoop):
         return entry.data
     with blamed(entry.place):
-        return read_loop(_file(entry), name=entry.name)
+        return read_loop(
+            _file(entry),
+            name=entry.name,
+            displacement=entry.response.channels[0] if entry.response.channels else "displacement",
+            force=(entry.force.array if entry.force else None) or "force",
+            sampling_rate=entry.sampling_rate,
+        )
 
 
 def _file(entry: RecordingEntry) -> Path:

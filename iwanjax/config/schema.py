@@ -17,7 +17,7 @@ from iwanjax.structures import LinearTrust
 Shares = Annotated[tuple[Annotated[float, Field(ge=0, lt=1)], ...], Field(min_length=1), OneOrMore]
 """Relative deviations: half, not 50."""
 
-_SOURCES = ("file", "matrices", "builder", "test", "modal")
+SOURCES = ("file", "matrices", "builder", "test", "modal")
 
 _Tested = Annotated[
     RecordingSection, BeforeValidator(lambda raw: {"file": raw} if isinstance(raw, str) else raw)
@@ -94,10 +94,15 @@ class ModelSection(ConfigSection):
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
-        given = [name for name in _SOURCES if getattr(self, name) is not None]
+        given = [name for name in SOURCES if getattr(self, name) is not None]
+        if not given and self.joints:
+            return self  # joints on their own, for their loops
         if len(given) != 1:
             got = f"both {' and '.join(given)}" if given else "neither"
-            raise fault(f"got {got}; expected one of file, matrices, builder, test and modal")
+            raise fault(
+                f"got {got}; expected one of file, matrices, builder, test and modal, or joints "
+                "alone for their loops"
+            )
         if self.options is not None and self.builder is None:
             raise fault(f"got options for a {given[0]}; only a builder takes options", "options")
         if self.modal is not None and self.joints:

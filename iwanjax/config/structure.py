@@ -13,7 +13,7 @@ from iwanjax.config.schema import ModelSection
 from iwanjax.config.source import Source
 from iwanjax.joints import AbstractJoint
 from iwanjax.modal_analysis import ModalTest
-from iwanjax.structures import JointedStructure
+from iwanjax.structures import JointedStructure, LinearStructure
 from iwanjax.structures.model_file import Model, read_model
 from iwanjax.structures.systems import damped
 
@@ -50,9 +50,17 @@ def _built(
     if test is not None:
         with source.blamed("model", "test"):
             return Built(test.model(), {})
-    assert section.file is not None
+    if section.file is None:
+        return Built(_alone(section), {})
     with source.blamed("model", "file"):
         return Built(read_model(source.folder / section.file), {})
+
+
+def _alone(section: ModelSection) -> Model:
+    """Joints on their own: each holds a unit mass on a unit spring, which nothing asks for."""
+    each = np.eye(len(dict.fromkeys(joint.place for joint in section.joints)))
+    rows = dict(zip(dict.fromkeys(joint.place for joint in section.joints), each, strict=True))
+    return Model(LinearStructure(each, 0.0 * each, each), rows, {}, {})
 
 
 def _joints(

@@ -16,7 +16,7 @@ from iwanjax.config.names import Names, known, once
 from iwanjax.config.parameters import ParameterChange, modal_changes, structural_changes
 from iwanjax.config.qsma import QsmaSettings
 from iwanjax.config.recordings import Data, Measurement, RecordingEntry
-from iwanjax.config.schema import Sections, StudySection, TrustSection
+from iwanjax.config.schema import SOURCES, Sections, StudySection, TrustSection
 from iwanjax.config.settings import FitSettings, PosteriorSettings, RingdownSettings
 from iwanjax.config.source import Place, Source
 from iwanjax.config.structure import model_of
@@ -205,6 +205,14 @@ def read_study(path: str | Path) -> StudySetup:
     setup, names = _setup(source, section, modal, model, structure, named)
     trust = section.model.trust
     known = None if test is None else test.trust
+    alone = not modal and not any(getattr(section.model, key) is not None for key in SOURCES)
+    for i, each in enumerate(section.recordings):
+        if alone and each.kind != "loop":
+            raise source.error(
+                ("recordings", i),
+                f"is of kind {each.kind}; joints alone have loops only: give model.file, "
+                "model.matrices or model.builder",
+            )
     return replace(
         setup,
         recordings=recording_entries(source, section.recordings, names),

@@ -20,7 +20,7 @@ def hysteresis(
     d_history: ArrayLike,
     *,
     sliders: int | None = SLIDERS,
-    dt: float | None = None,
+    dt: ArrayLike | None = None,
 ) -> Float[Array, "..."]:
     """Force of an element along a history of deflections, from rest at d = 0 on.
 
@@ -37,8 +37,9 @@ def hysteresis(
     sliders : int or None
         Sliders that stand for an Iwan element; None takes the closed form of a
         four-parameter one (:class:`~iwanjax.joints.Reversals`).
-    dt : float, optional
-        Time between two values, for elements whose force depends on rate.
+    dt : float or array, optional
+        Time between two values, or of d's shape the time that leads to each, for elements whose
+        force depends on rate.
 
     Returns
     -------
@@ -70,23 +71,25 @@ def hysteresis(
             "between two values"
         )
     step = as_real(1.0 if dt is None else dt, "dt")
-    if step.ndim or not (dt is None or is_traced(dt) or float(dt) > 0):
-        raise InputError(f"hysteresis: dt = {dt}; expected a positive number")
-    return _driven(element, d.reshape(-1, d.shape[-1]), step).reshape(d.shape)
+    known = dt is None or is_traced(dt) or bool(jnp.all(step > 0))
+    if step.shape not in ((), d.shape) or not known:
+        raise InputError(f"hysteresis: dt = {dt}; expected a positive number, or one of each value")
+    rows, steps = (x.reshape(-1, d.shape[-1]) for x in (d, jnp.broadcast_to(step, d.shape)))
+    return _driven(element, rows, steps).reshape(d.shape)
 
 
 @eqx.filter_jit
 def _driven(element: AbstractDiscrete, d: Array, dt: Array) -> Array:
-    def one(history: Array) -> Array:
-        def advance(state: Any, ends: tuple[Array, Array]) -> tuple[Any, Array]:
-            to, moved = ends
+    def one(history: Array, steps: Array) -> Array:
+        def advance(state: Any, ends: tuple[Array, Array, Array]) -> tuple[Any, Array]:
+            to, moved, dt = ends
             reaction = element.step(to, moved / dt, dt, state)
             return reaction.state, reaction.force
 
         moved = jnp.diff(history, prepend=0.0)
-        return jax.lax.scan(advance, element.init(), (history, moved))[1]
+        return jax.lax.scan(advance, element.init(), (history, moved, steps))[1]
 
-    return jax.vmap(one)(d)
+    return jax.vmap(one)(d, dt)
 
 
 def last_amplitude(d: np.ndarray) -> float:

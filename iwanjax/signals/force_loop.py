@@ -1,8 +1,7 @@
 """Force against deflection of a joint on its own, driven slowly."""
 
-import json
+import itertools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,17 +9,22 @@ from typing import Any
 import numpy as np
 
 from iwanjax.errors import InputError
-from iwanjax.files import existing_file, nearest, read_arrays
+from iwanjax.files import nearest
 from iwanjax.results import AbstractResult
-from iwanjax.signals.columns import read_columns
+from iwanjax.signals.file_record import FileRecord
+from iwanjax.signals.formats import read_file
+from iwanjax.signals.labels import rate_beside
+from iwanjax.signals.recording import check_time
+from iwanjax.signals.recording import sampling_rate as measured_rate
 from iwanjax.types import ArrayLike
 
 _FEWEST = 8
-_NAMES = ("displacement", "force")
 # Median magnitude of a normal value, in deviations, and what a second difference adds of noise.
 _MEDIAN, _SECOND = 0.6745, math.sqrt(6.0)
 # Share of the largest deflection within which a loop may begin at rest.
 _AT_REST = 0.02
+# Share of a stroke by which the ends of like runs may differ, and which smaller turns do not reach.
+_LIKE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +38,14 @@ class ForceLoop(AbstractResult):
         two values.
     name : str
         Label.
+    dt : float, optional
+        Time between two values, s; without it nothing can depend on rate.
 
     Raises
     ------
     InputError
         For other shapes, fewer than 8 values, values that are not finite, a deflection or a
-        force that never changes.
+        force that never changes, a time step that is not positive.
 
     Examples
     --------
@@ -54,11 +60,17 @@ class ForceLoop(AbstractResult):
     d: np.ndarray
     force: np.ndarray
     name: str = ""
+    dt: float | None = None
 
-    def __init__(self, d: ArrayLike, force: ArrayLike, name: str = "") -> None:
+    def __init__(
+        self, d: ArrayLike, force: ArrayLike, name: str = "", dt: float | None = None
+    ) -> None:
         object.__setattr__(self, "d", _history(d, "displacement"))
         object.__setattr__(self, "force", _history(force, "force"))
         object.__setattr__(self, "name", name)
+        object.__setattr__(self, "dt", dt)
+        if dt is not None and not 0.0 < dt < math.inf:
+            raise InputError(f"dt is {dt!r}; expected a positive number of seconds")
         if self.d.shape != self.force.shape:
             raise InputError(
                 f"displacement has {self.d.size} values and force {self.force.size}; expected as "
@@ -73,6 +85,34 @@ class ForceLoop(AbstractResult):
         force bends from value to value.
         """
         return float(np.median(np.abs(np.diff(self.force, 2)))) / (_MEDIAN * _SECOND)
+
+    @property
+    def scatter(self) -> float:
+        r"""Standard deviation of the force between cycles, at equal deflection on equal branches.
+
+        Of each run between two reversals the force is taken at common deflections; runs of one
+        direction between like ends, within a tenth of the stroke, are compared with their mean.
+        NaN where no two runs are alike.
+        """
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(self.d))) != 0) + 1
+        stroke = float(np.ptp(self.d))
+        ends = _outermost(self.d, turns, _LIKE * stroke)
+        runs: dict[bool, list[np.ndarray]] = {True: [], False: []}
+        low, high = (1.0 - _LIKE) * self.d.min(), (1.0 - _LIKE) * self.d.max()
+        at = np.linspace(low, high, _FEWEST * _FEWEST)
+        for a, b in itertools.pairwise(ends):
+            x, y = self.d[a : b + 1], self.force[a : b + 1]
+            if min(x[0], x[-1]) > low or max(x[0], x[-1]) < high:
+                continue
+            rises = bool(x[-1] > x[0])
+            order = np.argsort(x, kind="stable")
+            runs[rises].append(np.interp(at, x[order], y[order]))
+        found = [np.array(each) for each in runs.values() if len(each) > 1]
+        freedom = sum((len(each) - 1) * at.size for each in found)
+        if not freedom:
+            return math.nan
+        squares = sum(float(np.sum((each - each.mean(axis=0)) ** 2)) for each in found)
+        return math.sqrt(squares / freedom)
 
     @property
     def may_begin_at_rest(self) -> bool:
@@ -92,6 +132,19 @@ class ForceLoop(AbstractResult):
         return ends if moved > 0 else ends[::-1]
 
 
+def _outermost(d: np.ndarray, turns: np.ndarray, least: float) -> list[int]:
+    """Turning points, first and last value included, less those whose swing is small."""
+    ends = [0]
+    for at in (*turns.tolist(), d.size - 1):
+        before = d[ends[-2]] if len(ends) > 1 else None
+        goes_on = before is not None and (d[ends[-1]] - before) * (d[at] - d[ends[-1]]) > 0
+        if goes_on:
+            ends[-1] = at
+        elif abs(d[at] - d[ends[-1]]) >= least:
+            ends.append(at)
+    return ends
+
+
 def _history(values: ArrayLike, name: str) -> np.ndarray:
     x = np.array(values, float)
     if x.ndim != 1 or x.size < _FEWEST:
@@ -104,49 +157,56 @@ def _history(values: ArrayLike, name: str) -> np.ndarray:
     return x
 
 
-def read_loop(path: str | Path, *, name: str = "") -> ForceLoop:
-    """Read a loop: JSON, CSV with a header row, ``.npz``, ``.mat`` or HDF5.
+def read_loop(
+    path: str | Path,
+    *,
+    name: str = "",
+    displacement: str = "displacement",
+    force: str = "force",
+    sampling_rate: float | None = None,
+) -> ForceLoop:
+    """Read a loop from any file that :func:`iwanjax.signals.read_recordings` reads.
 
     Parameters
     ----------
     path : str or Path
-        A file with columns or arrays (N,): displacement and force.
+        A file with columns or arrays (N,): displacement and force, and perhaps time or a sampling
+        rate.
     name : str
         Label; the file's own name by default.
+    displacement, force : str
+        What the file calls them.
+    sampling_rate : float, optional
+        Hz, where the file does not say and a force may depend on rate.
 
     Raises
     ------
     InputError
         One line naming the file and what is missing or wrong.
     """
-    path = existing_file(path, [".json", ".csv"])
+    path, (record, *_) = read_file(path)
+    held = record.arrays
     try:
-        held = _held(path)
-        missing = [each for each in _NAMES if each not in held]
-        if missing:
-            raise InputError(
-                f"{missing[0]} is missing; found {', '.join(held) or 'nothing'}"
-                f"{nearest(missing[0], held)}"
-            )
-        d, force = (_numbers(held[each], each) for each in _NAMES)
-        return ForceLoop(d, force, name or path.name)
+        for each in (displacement, force):
+            if each not in held:
+                raise InputError(
+                    f"{each} is missing; found {', '.join(held) or 'nothing'}{nearest(each, held)}"
+                )
+        d, f = (_numbers(held[each], each) for each in (displacement, force))
+        return ForceLoop(d, f, name or path.name, _step(record, sampling_rate))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _held(path: Path) -> Mapping[str, Any]:
-    suffix = path.suffix.lower()
-    if suffix == ".csv":
-        return read_columns(path)
-    if suffix != ".json":
-        return read_arrays(path)
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"is no JSON ({error}); was it cut short?") from None
-    if not isinstance(held, dict):
-        raise InputError("holds no object; expected {displacement: [...], force: [...]}")
-    return held
+def _step(record: FileRecord, sampling_rate: float | None) -> float | None:
+    """Time between two values, s; None where neither the file nor anyone says it."""
+    rate = sampling_rate or record.sampling_rate or rate_beside(record.arrays)
+    time = record.arrays.get("time")
+    if rate is None and isinstance(time, np.ndarray) and time.dtype.kind in "iuf":
+        time = time.squeeze().astype(float)
+        check_time(time)
+        rate = measured_rate(time)
+    return None if rate is None else 1.0 / rate
 
 
 def _numbers(node: Any, name: str) -> np.ndarray:

@@ -129,7 +129,7 @@ def _columns(key: str, value: list[Any], names: list[Any] | None) -> dict[str, n
         array = np.array(value, float)
     except (TypeError, ValueError):
         if all(isinstance(each, str) for each in value):
-            return {}  # names of something
+            return {key: np.array(value, dtype=str)}  # names of something, or no numbers
         raise InputError(
             f"{key} holds something other than numbers, or rows of several lengths; expected "
             "numbers, (N,) or (N, columns)"

@@ -14,6 +14,10 @@ _WIDE = 0.25
 _ASK = "  # the file does not say: put acceleration, velocity or displacement"
 
 
+_JOINT = """  joints:
+    - name: J1
+      type: iwan4
+      parameters: {F_S: 1.0, K_T: 1.0, chi: -0.5, beta: 1.0}  # starting values: put your own"""
 _MOTIONS = ("acceleration", "velocity", "displacement")
 
 
@@ -69,7 +73,7 @@ def history_study(
         *([f"      unit: {_quoted(channel.unit)}"] if channel.unit else []),
     ]
     low = max(low, 2.0 * rate / recording.size)
-    return _study(path, f"[{low:.4g}, {max(high, 1.5 * low):.4g}]", lines)
+    return _study(path, _mode(low, max(high, 1.5 * low)), lines)
 
 
 def curve_study(path: Path, kind: str, frequency: np.ndarray) -> str:
@@ -87,7 +91,7 @@ def curve_study(path: Path, kind: str, frequency: np.ndarray) -> str:
     low, high = float(np.min(frequency)), float(np.max(frequency))
     if low == high:
         low, high = (1.0 - _WIDE) * low, (1.0 + _WIDE) * high
-    return _study(path, f"[{low:.6g}, {high:.6g}]", [f"    kind: {kind}"])
+    return _study(path, _mode(low, high), [f"    kind: {kind}"])
 
 
 def loop_study(path: Path, columns: Sequence[str] = ()) -> str:
@@ -98,16 +102,20 @@ def loop_study(path: Path, columns: Sequence[str] = ()) -> str:
             f"    response: {{channel: {_quoted(columns[0])}, quantity: displacement}}",
             f"    force: {{array: {_quoted(columns[1])}}}",
         ]
-    return _study(path, "[1, 2]", ["    kind: loop", "    joint: joint", *named])
+    lines = ["    kind: loop", "    joint: J1", *named]
+    return _study(path, _JOINT, lines)
 
 
-def _study(path: Path, band: str, lines: Sequence[str]) -> str:
+def _mode(low: float, high: float) -> str:
+    return f"  modal:\n    - {{name: mode1, band: [{low:.6g}, {high:.6g}], joint: {{type: iwan4}}}}"
+
+
+def _study(path: Path, model: str, lines: Sequence[str]) -> str:
     return "\n".join(
         [
             f"name: {_quoted(path.stem)}",
             "model:",
-            "  modal:",
-            f"    - {{name: mode1, band: {band}, joint: {{type: iwan4}}}}",
+            model,
             "recordings:",
             f"  - file: {_quoted(path.name)}",
             *lines,

@@ -49,8 +49,8 @@ def diagnose_loops(
 
     with an offset :math:`F_0` of each loop. Loops that begin undeflected begin at rest, or on
     the outermost branch like the others, whichever the joint alone explains better. Then a whole
-    joint more is tried. Without
-    time nothing shows that depends on rate, which the verdict says.
+    joint more is tried. Where a loop has no time, nothing shows that depends on rate, which the
+    verdict says. A force is known as well as it repeats from cycle to cycle.
 
     Evidences are those of a diagnosis by time histories. Errors are root mean squares of predicted
     less measured force over that of the measured one.
@@ -143,12 +143,17 @@ def diagnose_loops(
         name,
         run,
         row,
-        warnings=lambda _: _unseen_by_loops(name, trials.unseen),
+        warnings=lambda _: _unseen_by_loops(
+            name, trials.unseen, alone.problem.loops.dt is not None
+        ),
     )
 
 
-def _unseen_by_loops(name: str, unseen: Sequence[str]) -> list[str]:
+def _unseen_by_loops(name: str, unseen: Sequence[str], timed: bool) -> list[str]:
     """What loops say nothing of."""
     if not unseen:
         return []
-    return [f"Loops without time cannot show {', '.join(unseen)} at {name}, which depend on rate"]
+    told = ", ".join(unseen)
+    if timed:
+        return [f"Loops cannot show {told} at {name}, which depend on acceleration"]
+    return [f"Loops without time cannot show {told} at {name}, which depend on rate"]

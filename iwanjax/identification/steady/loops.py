@@ -44,11 +44,14 @@ class LoopHistories(eqx.Module):
         Deflections and forces; where a loop has none, the last deflection again.
     weight : (loops, N) array
         One over the force's deviation; zero where it was not measured, or held out.
+    dt : (loops, N) array or None
+        Time from the value before to each, s; None where a loop has no time.
     """
 
     d: Float[Array, "loops N"]
     force: Float[Array, "loops N"]
     weight: Float[Array, "loops N"]
+    dt: Float[Array, "loops N"] | None = None
 
     @property
     def largest(self) -> float:
@@ -57,10 +60,13 @@ class LoopHistories(eqx.Module):
 
 
 def noise_of(loops: Sequence[ForceLoop], known: float | None) -> tuple[float, ...]:
-    """Deviation of each loop's force."""
+    """Deviation of each loop's force: of its noise, and of the scatter between its cycles."""
     best = settings().steady.best_force
     return tuple(
-        max(loop.noise if known is None else known, best * math.sqrt(float(np.mean(loop.force**2))))
+        max(
+            np.fmax(loop.noise, loop.scatter) if known is None else known,
+            best * math.sqrt(float(np.mean(loop.force**2))),
+        )
         for loop in loops
     )
 
@@ -79,13 +85,19 @@ def driven(
     most = settings().steady.values if most is None else most
     chosen = [_drawing(loop.d, most) for loop in loops]
     length = max(map(len, chosen)) + 2
-    d, force, weight = np.zeros((3, len(loops), length))
+    d, force, weight, dt = np.zeros((4, len(loops), length))
     for i, (loop, deviation, at) in enumerate(zip(loops, noise, chosen, strict=True)):
         end = len(at) + 2
         d[i] = loop.d[-1]
         d[i, :2], d[i, 2:end], force[i, 2:end] = loop.before(at_rest), loop.d[at], loop.force[at]
         weight[i, 2:end] = 1.0 / deviation if i < fitted else 0.0
-    return LoopHistories(jnp.asarray(d), jnp.asarray(force), jnp.asarray(weight))
+        step = loop.dt or 1.0
+        # What leads to a loop is run through slowly, and so is what follows it.
+        dt[i] = loop.d.size * step
+        dt[i, 3:end] = np.diff(at) * step
+    timed = all(loop.dt is not None for loop in loops)
+    histories = (jnp.asarray(each) for each in (d, force, weight))
+    return LoopHistories(*histories, jnp.asarray(dt) if timed else None)
 
 
 def _drawing(d: np.ndarray, most: float) -> np.ndarray:
@@ -127,7 +139,7 @@ class LoopProblem(AbstractSteadyProblem):
         """Predicted, without offsets."""
         n, d = self.beside.count, self.loops.d
         joint = type(self.joint)(**dict(zip(self.names[:-n], theta[:-n], strict=True)))
-        own = hysteresis(joint, d, sliders=None)
+        own = hysteresis(joint, d, sliders=None, dt=self.loops.dt)
         if isinstance(self.beside, JointValues):
             return own + hysteresis(Iwan4(*theta[-n:]), d, sliders=None)
         return own + theta[-1] * self.unit
@@ -147,13 +159,13 @@ class LoopProblem(AbstractSteadyProblem):
 
     def reshaped(self, effect: PlacedEffect) -> "LoopProblem":
         """The same with a force of another shape."""
-        return eqx.tree_at(lambda p: p.unit, self, unit_of(effect, self.loops.d))
+        return eqx.tree_at(lambda p: p.unit, self, unit_of(effect, self.loops))
 
     def predicted(
         self, theta: Array, effect: PlacedEffect | None, measured: LoopHistories, which: int
     ) -> tuple[np.ndarray, ...]:
         """Forces along other deflections, without offsets."""
-        both = (measured, unit_of(effect, measured.d))
+        both = (measured, unit_of(effect, measured))
         along = eqx.tree_at(lambda p: (p.loops, p.unit), self, both)
         return tuple(np.asarray(_forces(along, theta)))
 
@@ -161,33 +173,37 @@ class LoopProblem(AbstractSteadyProblem):
 LoopFit = SteadyFit[LoopProblem]
 
 
-def unit_of(effect: PlacedEffect | None, d: Float[Array, "loops N"]) -> Float[Array, "loops N"]:
-    """A force of unit size along deflections that are run through slowly; zero without one."""
+def unit_of(effect: PlacedEffect | None, loops: LoopHistories) -> Float[Array, "loops N"]:
+    """A force of unit size along deflections; zero without one."""
     if effect is None or not isinstance(effect.kind, ForceKind):
-        return jnp.zeros_like(d)
-    return _along(effect.kind, jnp.asarray(effect.shape), d, jnp.ones(()))
+        return jnp.zeros_like(loops.d)
+    dt = jnp.ones_like(loops.d) if loops.dt is None else loops.dt
+    return _along(effect.kind, jnp.asarray(effect.shape), loops.d, dt)
 
 
-def quasi_static(kind: ForceKind, d: Float[Array, "loops N"]) -> bool:
-    """Whether a force depends on deflections alone, so that loops without time show it."""
+def is_seen(kind: ForceKind, loops: LoopHistories) -> bool:
+    """Whether loops show a force: one that depends on deflections alone, or on rate with time."""
     if kind.inertial:
         return False
+    if loops.dt is not None:
+        return True
+    d = loops.d
     shape = jnp.asarray(kind.shapes(Scales(float(jnp.max(jnp.abs(d))), 1.0))[0])
     negligible = settings().steady.negligible
-    slow, slower = (np.asarray(_along(kind, shape, d, jnp.asarray(dt))) for dt in (1.0, 2.0))
+    slow, slower = (np.asarray(_along(kind, shape, d, jnp.full(d.shape, dt))) for dt in (1.0, 2.0))
     return bool(np.max(np.abs(slow - slower)) <= negligible * np.max(np.abs(slow)))
 
 
 @partial(jax.jit, static_argnums=0)
 def _along(kind: ForceKind, shape: Array, d: Array, dt: Array) -> Array:
-    def step(memory: Array, motion: tuple[Array, Array]) -> tuple[Array, Array]:
-        to, moved = motion
+    def step(memory: Array, motion: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+        to, moved, dt = motion
         there = PlaceMotion(to, moved / dt, jnp.zeros_like(to), moved, dt)
         force, memory = kind.unit_force(there, shape, memory)
         return memory, jnp.broadcast_to(force, to.shape)
 
     moved = jnp.diff(d, axis=1, prepend=0.0)
-    return jax.lax.scan(step, jnp.zeros(d.shape[0]), (d.T, moved.T))[1].T
+    return jax.lax.scan(step, jnp.zeros(d.shape[0]), (d.T, moved.T, dt.T))[1].T
 
 
 def loops_alone(
@@ -213,13 +229,13 @@ def loops_beside(
 ) -> LoopFit | None:
     """The joint and a force; None where loops cannot show the force."""
     loops = alone.problem.loops
-    if not quasi_static(kind, loops.d):
+    if not is_seen(kind, loops):
         return None
     few = joints_to_begin_with(alone, draws)
 
     def at(shape: float) -> LoopFit | None:
         effect = PlacedEffect(kind, shape)
-        unit = unit_of(effect, loops.d)
+        unit = unit_of(effect, loops)
         most = float(jnp.max(jnp.abs(unit)))
         if most == 0.0:
             return None
