@@ -61,6 +61,7 @@ def working_rate(
     recordings: Sequence[StudyRecording],
     rates: Sequence[float],
     settings: ResamplingSettings | None = None,
+    highest: float = math.inf,
 ) -> float:
     """The lowest rate of the study, Hz, at which the recordings to fit still show all they do.
 
@@ -76,13 +77,22 @@ def working_rate(
         Of each, Hz.
     settings : ResamplingSettings, optional
         What is enough.
+    highest : float
+        Up to which the linear model is known, Hz: what is above is none of its errors. Then a
+        whole fraction of the rate is taken, of which periodic recordings hold whole samples.
     """
     by = settings or ResamplingSettings()
     fitted = [(x, r) for x, r in zip(recordings, rates, strict=True) if x.use == "fit"]
     if not fitted:
         return min(rates)
     least = max(r if _clipped(x) else _highest(x, r, by) / END for x, r in fitted)
+    if highest < math.inf:
+        least = min(least, highest / END)
     chosen = min((rate for rate in rates if rate >= least), default=max(rates))
+    if highest < math.inf:
+        periods = [len(x.response) for x in recordings if x.initial == "periodic"]
+        parts = range(max(1, math.floor(chosen / least)), 0, -1)
+        return chosen / next(k for k in parts if all(n % k == 0 for n in periods))
     longest = max(len(x.response) * chosen / r for x, r in fitted)
     return chosen / max(1, math.floor(chosen / least)) if longest > by.plenty else chosen
 
@@ -180,12 +190,18 @@ def at_rate(
 
 
 def at_one_rate(
-    recordings: Sequence[StudyRecording], rates: Sequence[float], given: np.ndarray
+    recordings: Sequence[StudyRecording],
+    rates: Sequence[float],
+    given: np.ndarray,
+    highest: float = math.inf,
 ) -> tuple[list[StudyRecording], float, tuple[str, ...]]:
-    """All at the working rate, that rate in Hz, and what has been done to which of them."""
+    """All at the working rate, that rate in Hz, and what has been done to which of them.
+
+    The linear model is known up to the frequency ``highest``, Hz.
+    """
     # Of rates told by rounded times the first stands for all.
     rates = [next(r for r in rates if math.isclose(r, own, rel_tol=_SAME)) for own in rates]
-    rate = working_rate(recordings, rates)
+    rate = working_rate(recordings, rates, highest=highest)
     found, told = [], []
     for each, own in zip(recordings, rates, strict=True):
         found.append(at_rate(each, own, rate, given))

@@ -264,7 +264,8 @@ def _repeats_after(recording: Recording) -> int | None:
     if alike[best] < _REPEATS:
         return None
     # Two periods are alike too: the first lag that is as good as the best.
-    good = np.flatnonzero(alike > 1.0 - 2.0 * (1.0 - alike[best]))
+    least = 1.0 - max(2.0 * (1.0 - alike[best]), float(np.sqrt(np.finfo(float).eps)))
+    good = np.flatnonzero(alike >= least)
     first = good[good <= good[0] + below[0]]
     return int(lags[first[np.argmax(alike[first])]])
 

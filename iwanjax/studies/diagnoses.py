@@ -208,7 +208,9 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
     ]
     rates = [recording.sampling_rate for _, _, recording in measured]
     given = np.array([study.noise.get(name, math.nan) for name in sensors])
-    transients, rate, resampled = at_one_rate(transients, rates, given)
+    # A modal test knows nothing above its band.
+    highest = math.inf if study.test is None else float(study.test.responses.frequency[-1])
+    transients, rate, resampled = at_one_rate(transients, rates, given, highest)
     # A name that a sensor has too is the sensor's.
     of_forces = np.array(
         [math.nan if name in sensors else study.noise.get(name, math.nan) for name in model.inputs]
