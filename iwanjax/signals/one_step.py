@@ -61,8 +61,8 @@ def one_step_errors(
     """
     N = len(response)
     acting = np.zeros((N, 0)) if force is None else force[:, np.any(force != 0, axis=0)]
-    # A quarter of the record has to be twice as long as what is fitted to it.
-    lags = min(lags, int(0.5 * _QUARTER * N) // (1 + acting.shape[1]) - 1)
+    # A quarter of the record, less the first past, has to be twice as long as what is fitted to it.
+    lags = min(lags, int(_QUARTER * N / (2.0 * (1 + acting.shape[1]) + _QUARTER)) - 1)
     each = [_of_sensor(y, acting, bad, lags) for y, bad in zip(response.T, spoilt.T, strict=True)]
     deviation, freedom, steady = (np.array(x) for x in zip(*each, strict=True))
     return OneStepErrors(NoiseLevel(deviation, freedom), steady.astype(bool))
