@@ -233,10 +233,12 @@ def require_usable(each: StudyRecording, settings: ConditioningSettings = CONDIT
     for array, what in ((response, "response"), (each.force, "force")):
         if array is not None and not np.all(np.isfinite(array)):
             raise InputError(f"{each.name}: {what} holds NaN or infinite values")
-    if each.force is not None and not np.any(each.force):
+    # What moves without a force has been moved before: a free decay, where the study says so.
+    if each.force is not None and not np.any(each.force) and each.initial != "unknown":
         raise InputError(
             f"{each.name}: the force is zero throughout; a diagnosis needs the force that made a "
-            "recording, or a free decay from where nothing touches the structure any more"
+            "recording, or a free decay from where nothing touches the structure any more "
+            "(kind: free_decay, or initial: unknown)"
         )
     silent = np.flatnonzero(~np.any(each.response, axis=0))
     if silent.size:
