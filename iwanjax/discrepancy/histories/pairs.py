@@ -118,7 +118,9 @@ def partners_of(
         return [], []
     # The second may do all alone: the first was then what looked like it before.
     singles = _singles(problem, best, scope)
-    if best.cost > known.misfit * noise:
+    # Of two laws at one place that are far off another first one is no better: it has no name.
+    unnamed = len(set(best.hypothesis.where)) == 1 and best.cost > own.far * noise
+    if best.cost > known.misfit * noise and not unnamed:
         pairs = [*_repaired(problem, best, singles, scope), *pairs]
         better = min(pairs, key=lambda each: each.cost)
         if better is not best:
