@@ -203,13 +203,13 @@ def _judged(
     judged = [*(forces[i] for i in best), *of_channels]
     moving = columns(problem, base, judged)
     moving = moving.reshape(len(moving), base.residual.size)
-    which: dict[str, list[int]] = {}
+    by_place: dict[str, list[int]] = {}
     for i, unit in enumerate(judged):
-        which.setdefault(unit.where, []).append(i)
+        by_place.setdefault(unit.where, []).append(i)
     exact = np.zeros((2, len(judged)))
-    for where, own in which.items():
-        seen = remaining.seen(moving[own])
-        exact[:, own] = _rated(seen, remaining.square)
+    for where, these in by_place.items():
+        seen = remaining.seen(moving[these])
+        exact[:, these] = _rated(seen, remaining.square)
         if not (at_rest and where in blocks):
             blocks[where] = [seen.block()]
     found[:, best] = exact[:, : len(best)]
