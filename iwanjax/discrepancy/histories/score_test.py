@@ -143,9 +143,9 @@ def score_test(
         propose(kind, where, drop, lambda start=start: start)
     most = max((each.reduction for own in blocks.values() for each in own), default=0.0)
     unit = scale(problem, base, left=max(total - most, 0.0))
-    places_of = {each.where: each for each in places_by_evidence(blocks, alone, total, unit)}
+    tested = {each.where: each for each in places_by_evidence(blocks, alone, total, unit)}
     return [
-        Candidate(hypotheses.joined(problem, [*others, start()]), drop, places_of[where])
+        Candidate(hypotheses.joined(problem, [*others, start()]), drop, tested[where])
         for (where, *_), (drop, start) in sorted(best.items(), key=lambda each: -each[1][0])
     ]
 
