@@ -331,7 +331,8 @@ class Diagnosis(AbstractResult):
         if not self._held:
             return ["A recording to hold out, at an amplitude of its own"]
         if self.verdict.name == "undecided" and self.detected:
-            where = f", near {self.places[0].where} first" if self.places else ""
+            first = (self.places or self.scores)[:1]
+            where = f", near {first[0].where} first" if first else ""
             return [
                 f"More sensors and single modes at several amplitudes{where}, to see which motion "
                 "the misfit goes with"
