@@ -39,8 +39,13 @@ class _Class(enum.IntEnum):
 
 # NumPy's letters of the types of values, by their number; dots are none.
 _LETTERS = ".bBhHiIf.d..qQ..BHI"
-# A header of 128 bytes, of which the last two are the byte order; an element begins with 8.
-_HEADER, _TAG = 128, 8
+
+
+class _Bytes(enum.IntEnum):
+    """Of the header, the last two being the byte order, and at the beginning of an element."""
+
+    HEADER = 128
+    TAG = 8
 
 
 def read_mat(path: Path, names: Sequence[str] | None) -> dict[str, Node]:
@@ -87,10 +92,10 @@ def _refuse_damaged(path: Path) -> None:
     MAT-File Format (The MathWorks), chapter 1. What is compressed has a checksum.
     """
     content = memoryview(path.read_bytes())
-    order = {b"IM": "<", b"MI": ">"}.get(bytes(content[_HEADER - 2 : _HEADER]))
+    order = {b"IM": "<", b"MI": ">"}.get(bytes(content[_Bytes.HEADER - 2 : _Bytes.HEADER]))
     if order is None:  # version 4, or no MATLAB file at all
         return
-    for kind, first, stop in _elements(content, order, _HEADER, len(content)):
+    for kind, first, stop in _elements(content, order, _Bytes.HEADER, len(content)):
         if kind == _Type.MATRIX:
             _check_matrix(content, order, first, stop)
         elif kind != _Type.COMPRESSED:
@@ -105,20 +110,20 @@ def _elements(
 ) -> Iterator[tuple[int, int, int]]:
     """Type, first byte and end of each data element between two places."""
     while first < stop:
-        if first + _TAG > stop:
+        if first + _Bytes.TAG > stop:
             raise InputError("is cut short or damaged; export it again")
         kind, size = struct.unpack_from(f"{order}2I", content, first)
         small, kind = divmod(kind, 1 << 16)
-        begin = first + _TAG // 2 if small else first + _TAG
+        begin = first + _Bytes.TAG // 2 if small else first + _Bytes.TAG
         end = begin + (small or size)
-        if end > stop or (small and small > _TAG // 2):
+        if end > stop or (small and small > _Bytes.TAG // 2):
             raise InputError("is cut short or damaged; export it again")
         yield kind, begin, end
         # Elements begin at multiples of 8, but for compressed ones.
         first = (
             end
             if kind == _Type.COMPRESSED
-            else begin + (_TAG // 2 if small else -(-size // _TAG) * _TAG)
+            else begin + (_Bytes.TAG // 2 if small else -(-size // _Bytes.TAG) * _Bytes.TAG)
         )
 
 
@@ -133,7 +138,7 @@ def _check_matrix(content: memoryview, order: str, first: int, stop: int) -> Non
         kinds[:1] != [_Type.UINT32]
         or not {*kinds[1:2]} <= whole
         or len(kinds) < 3
-        or parts[0][2] - parts[0][1] != _TAG
+        or parts[0][2] - parts[0][1] != _Bytes.TAG
     ):
         raise InputError(_DAMAGED.format(f"elements of types {kinds[:2]}"))
     flags = struct.unpack_from(f"{order}I", content, parts[0][1])[0]

@@ -1,17 +1,22 @@
 """What is wrong with a channel, by its samples alone: hum, drift, dropouts; where its energy is."""
 
+import enum
 from typing import NamedTuple
 
 import numpy as np
 
 from iwanjax.signals.noise import CHANCE
 
-_MAINS = (50.0, 60.0)
-"""Frequencies of the mains, Hz."""
+
+class _Mains(enum.IntEnum):
+    """Frequencies of the mains, Hz."""
+
+    EUROPE = 50
+    AMERICA = 60
+
+
 # Parts of a record that show whether a line goes on, or an offset moves.
 _PARTS = 4
-# Of the energy, what may lie outside the band that holds it: half on either side.
-_OUTSIDE = 0.02
 
 
 class Hum(NamedTuple):
@@ -48,7 +53,7 @@ def hum(x: np.ndarray, rate: float) -> Hum:
     """
     best = NO_HUM
     parts = np.array_split(x - x.mean(), _PARTS)
-    for line in _MAINS:
+    for line in map(float, _Mains):
         step = _PARTS * rate / x.size
         if line < 4.0 * step or line + 4.0 * step > 0.5 * rate:
             continue
@@ -135,6 +140,6 @@ def band_with_energy(x: np.ndarray, rate: float) -> tuple[float, float]:
     """
     power = np.abs(np.fft.rfft((x - np.mean(x)) * np.hanning(x.size))) ** 2
     share = np.cumsum(power) / np.sum(power)
-    at = np.searchsorted(share, [0.5 * _OUTSIDE, 1.0 - 0.5 * _OUTSIDE])
+    at = np.searchsorted(share, [CHANCE, 1.0 - CHANCE])
     low, high = at * rate / x.size
     return float(low), float(high)

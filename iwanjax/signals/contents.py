@@ -29,7 +29,7 @@ from iwanjax.signals.proposal import (
     loop_study,
     strongest_channel,
 )
-from iwanjax.signals.recording import Channel, Recording
+from iwanjax.signals.recording import FEWEST_SAMPLES, Channel, Recording
 from iwanjax.signals.records import records
 from iwanjax.signals.selection import RawRecording, Selection, has_time, told_node
 from iwanjax.tables import Block
@@ -38,9 +38,6 @@ _MOST_RECORDINGS = 20
 _PEAKS = 3
 # A peak is told where it stands out of the averaged spectrum by this much.
 _PROMINENCE_DB = 10.0
-# What is lower than the highest peak by this much is ripple of a filter.
-_DEEPEST_DB = 60.0
-_FEWEST_FOR_SPECTRUM = 256
 # Of a channel's rms, an offset or a drift that is worth a word.
 _RESTING = 0.1
 
@@ -305,7 +302,7 @@ def _channel_summary(channel: Channel, x: np.ndarray, rate: float) -> ChannelSum
     if finite.size:
         least, largest = float(np.min(finite)), float(np.max(finite))
         rms = float(np.sqrt(np.mean(finite**2)))
-    if not missing and x.size >= _FEWEST_FOR_SPECTRUM and least < largest and rate > 0.0:
+    if not missing and x.size >= FEWEST_SAMPLES and least < largest and rate > 0.0:
         noise, peaks = _spectrum(x, rate)
         more = {
             "dropped": dropouts(x),
@@ -332,12 +329,13 @@ def _spectrum(x: np.ndarray, rate: float) -> tuple[float, tuple[float, ...]]:
     """Noise floor in dB of the largest magnitude, and frequencies of the highest peaks."""
     import scipy.signal  # here, because it takes a second to import
 
-    frequency, density = scipy.signal.welch(x, rate, "hann", nperseg=max(x.size // 4, 64))
+    frequency, density = scipy.signal.welch(
+        x, rate, "hann", nperseg=min(x.size, max(x.size // 4, 64))
+    )
     noise = np.sqrt(np.median(density) * rate / 2.0)
     floor = np.finfo(float).tiny
     level = 10.0 * np.log10(np.maximum(density, floor))
-    lowest = np.max(level) - _DEEPEST_DB
-    peaks, _ = scipy.signal.find_peaks(level, height=lowest, prominence=_PROMINENCE_DB)
+    peaks, _ = scipy.signal.find_peaks(level, prominence=_PROMINENCE_DB)
     highest = peaks[np.argsort(level[peaks])[::-1][:_PEAKS]]
     decibel = 20.0 * np.log10(max(noise, floor) / np.max(np.abs(x)))
     return float(decibel), tuple(float(f) for f in frequency[highest])

@@ -21,10 +21,9 @@ from iwanjax.types import ArrayLike
 _FEWEST = 8
 # Median magnitude of a normal value, in deviations, and what a second difference adds of noise.
 _MEDIAN, _SECOND = 0.6745, math.sqrt(6.0)
-# Share of the largest deflection within which a loop may begin at rest.
+# Share of the largest deflection within which a loop may begin at rest, and by which the ends of
+# runs differ that are alike.
 _AT_REST = 0.02
-# Share of a stroke by which the ends of like runs may differ, and which smaller turns do not reach.
-_LIKE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +90,14 @@ class ForceLoop(AbstractResult):
         r"""Standard deviation of the force between cycles, at equal deflection on equal branches.
 
         Of each run between two reversals the force is taken at common deflections; runs of one
-        direction between like ends, within a tenth of the stroke, are compared with their mean.
+        direction between like ends, within 2 % of the stroke, are compared with their mean.
         NaN where no two runs are alike.
         """
         turns = np.flatnonzero(np.diff(np.sign(np.diff(self.d))) != 0) + 1
         stroke = float(np.ptp(self.d))
-        ends = _outermost(self.d, turns, _LIKE * stroke)
+        ends = _outermost(self.d, turns, _AT_REST * stroke)
         runs: dict[bool, list[np.ndarray]] = {True: [], False: []}
-        low, high = (1.0 - _LIKE) * self.d.min(), (1.0 - _LIKE) * self.d.max()
+        low, high = (1.0 - _AT_REST) * self.d.min(), (1.0 - _AT_REST) * self.d.max()
         at = np.linspace(low, high, _FEWEST * _FEWEST)
         for a, b in itertools.pairwise(ends):
             x, y = self.d[a : b + 1], self.force[a : b + 1]

@@ -13,20 +13,15 @@ from iwanjax.signals.clipping import refuse_clipped
 from iwanjax.signals.decay import Span, centred, decay_span, measured_noise, plan_intervals
 from iwanjax.signals.decay_checks import (
     LEAST_DECAY,
-    NORMAL,
-    SURE,
     checked_signal,
     refuse_beats,
     refuse_no_decay,
 )
 from iwanjax.signals.filters import analytic_signal, band_pass_gain, check_band
 from iwanjax.signals.harmonic import without_harmonic
+from iwanjax.signals.interval_lines import before_the_filter, fit_lines, lines_curves
 from iwanjax.types import ArrayLike
 
-# Multiples of the correction to the midpoint and of that to the acceleration's envelope that
-# are taken as their deviations: beside a kink the first is wrong by up to twice itself, the
-# second is known to a tenth.
-_DOUBT, _DOUBT_OF_CONVENTION = 2.0, 0.1
 _FEWEST_INTERVALS = 3
 
 
@@ -279,15 +274,15 @@ def _analysed(
             "settling and the noise are too short for three intervals; widen the band or record "
             "longer"
         )
-    lines = _fit_lines(psi_1, psi_2, sampling_rate, edges, noise.at(edges))
+    lines = fit_lines(psi_1, psi_2, sampling_rate, edges, noise.at(edges))
     passed = np.log(band_pass_gain(lines.omega / (2.0 * math.pi), band, order))
-    lines = _before_the_filter(lines, passed)
+    lines = before_the_filter(lines, passed)
     # From where the record begins: the hit itself may have gone further than what is left of it.
     whole = analytic_signal(centred(x[: span.stop]), sampling_rate, band, order)
     largest = float(np.max(np.abs(whole))) / float(np.exp(passed[0]))
-    curves = _curves(lines, derivatives, largest, **labels)
+    curves = lines_curves(lines, derivatives, largest, **labels)
     # A beat bends lines as well: by what the noise leaves of them it is seen.
-    refuse_beats(_curves(lines, derivatives, largest, steps=False), band)
+    refuse_beats(lines_curves(lines, derivatives, largest, steps=False), band)
     begin = span.first / sampling_rate
     released = np.max(np.abs(whole[span.first : span.first + span.settled + 1])) / np.exp(passed[0])
     found = RingDown(
@@ -301,136 +296,3 @@ def _analysed(
         band,
     )
     return found, float(curves.amplitude[0] / released)
-
-
-@dataclass(frozen=True)
-class _Lines:
-    """Lines fitted to psi_1 and psi_2 in each interval, with variances."""
-
-    middle: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    height_variance: np.ndarray
-    rate: np.ndarray
-    omega: np.ndarray
-    slope_variance: np.ndarray
-    rate_bend: np.ndarray
-    omega_bend: np.ndarray
-
-
-def _fit_lines(
-    psi_1: np.ndarray,
-    psi_2: np.ndarray,
-    sampling_rate: float,
-    edges: np.ndarray,
-    density: np.ndarray,
-) -> _Lines:
-    """Least-squares lines; noise is white near the carrier, with a density at each edge."""
-    rows = []
-    for i in range(edges.size - 1):
-        a, b = edges[i], edges[i + 1]
-        t = np.arange(a, b) / sampling_rate
-        middle = 0.5 * (t[0] + t[-1])
-        lever = (t - middle) / np.sum((t - middle) ** 2)
-        bend = _bend(t)
-        mean = np.full(t.size, 1.0 / t.size)
-        # In-phase noise of the envelope and of the phase, relative to the amplitude.
-        variance = 0.5 * (density[i] + density[i + 1]) * sampling_rate * np.exp(-2.0 * psi_1[a:b])
-        rows.append(
-            (
-                middle,
-                t.size / sampling_rate,
-                mean @ psi_1[a:b],
-                mean**2 @ variance,
-                lever @ psi_1[a:b],
-                lever @ psi_2[a:b],
-                lever**2 @ variance,
-                bend @ psi_1[a:b],
-                bend @ psi_2[a:b],
-            )
-        )
-    return _Lines(*np.array(rows).T)
-
-
-def _bend(t: np.ndarray) -> np.ndarray:
-    """Weights for the slope over the second half of an interval less that over the first."""
-    halves = np.array_split(t, 2)
-    levers = [(part - part.mean()) / np.sum((part - part.mean()) ** 2) for part in halves]
-    return np.concatenate([-levers[0], levers[1]])
-
-
-def _before_the_filter(lines: _Lines, passed: np.ndarray) -> _Lines:
-    """Lines of the envelope as it was before a gain, exp(passed), that moves with frequency.
-
-    Beside another mode the band's corner may be near: a third of the amplitude is lost there.
-    """
-    return replace(
-        lines,
-        height=lines.height - passed,
-        rate=lines.rate - np.gradient(passed, lines.middle),
-    )
-
-
-def _curves(
-    lines: _Lines, derivatives: int, largest: float, *, steps: bool = True, **labels: str
-) -> ModalCurves:
-    """Values at the midpoints from the lines' averages, and what follows from them."""
-    to_middle, to_slope = _midpoint_operators(lines.middle, lines.width)
-    rate, omega = to_middle @ lines.rate, to_middle @ lines.omega
-    noise = to_middle**2 @ lines.slope_variance
-    correction = to_middle - np.eye(lines.middle.size)
-    # What the noise does to a correction is in its variance already.
-    own = SURE * (correction**2 @ lines.slope_variance)
-
-    # A slope over half an interval has eight times the variance.
-    bend_variance = 16.0 * lines.slope_variance
-
-    def left(slopes: np.ndarray, bend: np.ndarray) -> np.ndarray:
-        # A step within an interval bends its line more than the neighbours' slopes do, and the
-        # value at the middle is that of either side: they alone would not tell.
-        step = bend - 0.5 * (to_slope @ slopes) * lines.width
-        # What bends all lines, such as a beat, is none.
-        common = NORMAL * np.median(np.abs(step))
-        own_bend = SURE**2 * np.maximum(bend_variance, common**2)
-        more = np.maximum(step**2 - own_bend, 0.0) if steps else 0.0
-        return _DOUBT**2 * np.maximum((correction @ slopes) ** 2 - own, 0.0) + more
-
-    # A line at its middle is the mean, which lies off the curve by its curvature.
-    height = lines.height - to_slope @ lines.rate * lines.width**2 / 24.0
-    amplitude = np.exp(height)
-    convention = (2 - derivatives) * (to_slope @ lines.omega) / omega
-    rate_std = np.sqrt(
-        noise + left(lines.rate, lines.rate_bend) + (_DOUBT_OF_CONVENTION * convention) ** 2
-    )
-    rate = rate + convention
-    natural = np.hypot(omega, rate)
-    return ModalCurves(
-        amplitude,
-        natural / (2.0 * math.pi),
-        -rate / natural,
-        amplitude_std=amplitude * np.sqrt(lines.height_variance),
-        frequency_std=np.sqrt(noise + left(lines.omega, lines.omega_bend)) / (2.0 * math.pi),
-        damping_std=rate_std / natural,
-        largest=max(largest, float(np.max(amplitude))),
-        **labels,
-    )
-
-
-def _midpoint_operators(middle: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices from the lines' slopes to the derivative and its slope at the midpoints.
-
-    The slope of a line of width h is the derivative's average with a parabola as weight,
-    whose variance is h^2/20. A quadratic through the averages of three neighbours gives
-    the value at the middle.
-    """
-    count = middle.size
-    value, slope = np.zeros((count, count)), np.zeros((count, count))
-    for i in range(count):
-        first = min(max(i - 1, 0), count - 3)
-        near = slice(first, first + 3)
-        dt = (middle[near] - middle[i]) / width[i]
-        spread = (width[near] / width[i]) ** 2 / 20.0
-        averages = np.column_stack([np.ones(3), dt, dt**2 + spread])
-        inverse = np.linalg.inv(averages)
-        value[i, near], slope[i, near] = inverse[0], inverse[1] / width[i]
-    return value, slope

@@ -7,9 +7,7 @@ import numpy as np
 from iwanjax.signals.recording import Recording
 
 _CONTACT = 0.1
-"""Of the largest force, what a contact exceeds; a second one as well counts as a hit."""
-_SHORT = 0.05
-"""Share of a record in which a hammer touches at most: else the force is no hit."""
+"""Of the largest force, what a contact exceeds; of the record, what all contacts last at most."""
 
 
 def contacts(force: np.ndarray) -> list[tuple[int, int]]:
@@ -24,7 +22,7 @@ def contacts(force: np.ndarray) -> list[tuple[int, int]]:
     """
     size = np.abs(force - np.median(force))
     above = size > _CONTACT * np.max(size)
-    if not np.any(above) or np.mean(above) > _SHORT:
+    if not np.any(above) or np.mean(above) > _CONTACT:
         return []
     edges = np.diff(np.concatenate([[False], above, [False]]).astype(int))
     found: list[tuple[int, int]] = []

@@ -9,8 +9,8 @@ import numpy as np
 from iwanjax.signals.channel_checks import band_with_energy
 from iwanjax.signals.recording import Channel, Recording
 
-_WIDE = 0.25
-"""Half a band around a peak, as share of its frequency: that of a study with a structure."""
+REACH = 0.25
+"""Where a mode is looked for, as share of its frequency, unless neighbours are nearer."""
 _ASK = "  # the file does not say: put acceleration, velocity or displacement"
 
 
@@ -59,7 +59,7 @@ def history_study(
     """
     rate = recording.sampling_rate
     if peaks and peaks[0] > 0.0:
-        low, high = peaks[0] * (1.0 - _WIDE), min(peaks[0] * (1.0 + _WIDE), 0.49 * rate)
+        low, high = peaks[0] * (1.0 - REACH), min(peaks[0] * (1.0 + REACH), 0.49 * rate)
     else:
         low, high = band_with_energy(recording.channel(channel.name), rate)
     forced = recording.force is not None and np.any(recording.force)
@@ -90,7 +90,7 @@ def curve_study(path: Path, kind: str, frequency: np.ndarray) -> str:
     """
     low, high = float(np.min(frequency)), float(np.max(frequency))
     if low == high:
-        low, high = (1.0 - _WIDE) * low, (1.0 + _WIDE) * high
+        low, high = (1.0 - REACH) * low, (1.0 + REACH) * high
     return _study(path, _mode(low, high), [f"    kind: {kind}"])
 
 

@@ -18,11 +18,10 @@ from iwanjax.signals import (
     modal_filter,
     ringdown,
 )
+from iwanjax.signals.proposal import REACH
 from iwanjax.tables import Block
 
-# Where a mode of a structure is looked for, as share of its frequency, unless neighbours are
-# nearer; and how far a force has fallen, as share of its peak, when the contact is over.
-_REACH = 0.25
+# How far a force has fallen, as share of its peak, when the contact is over.
 _FORCE_ENDS = 0.01
 # Recordings that give curves of a mode.
 _GIVING = ("free_decay", "transient", "curves", *STEPPED)
@@ -198,7 +197,7 @@ def _bands(study: StudySetup) -> dict[str | int, tuple[float, float]]:
     wanted = range(f.size) if study.modes is None else study.modes
     bands: dict[str | int, tuple[float, float]] = {}
     for mode in wanted:
-        low, high = (1.0 - _REACH) * f[mode], (1.0 + _REACH) * f[mode]
+        low, high = (1.0 - REACH) * f[mode], (1.0 + REACH) * f[mode]
         if mode > 0:
             low = max(low, 0.5 * (f[mode - 1] + f[mode]))
         if mode + 1 < f.size:
