@@ -52,7 +52,7 @@ if TYPE_CHECKING:
         simulate,
     )
     from iwanjax.estimation import LogNormal, LogUniform, Normal, Parameter, Uniform
-    from iwanjax.modal_analysis import ModalTest, modal_test
+    from iwanjax.modal_analysis import modal_test
     from iwanjax.plotting import plot
     from iwanjax.signals import (
         ForceLoop,
@@ -102,7 +102,6 @@ _LATER = {
     "nonlinear_modes": "iwanjax.dynamics",
     "SimulatedResponse": "iwanjax.dynamics",
     "simulate": "iwanjax.dynamics",
-    "ModalTest": "iwanjax.modal_analysis",
     "modal_test": "iwanjax.modal_analysis",
     "plot": "iwanjax.plotting",
     "ForceLoop": "iwanjax.signals",
@@ -163,7 +162,6 @@ __all__ = [
     "Measurement",
     "ModalCurves",
     "ModalOscillator",
-    "ModalTest",
     "Normal",
     "Parameter",
     "Posterior",

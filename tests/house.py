@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
     "class names used twice": 0,
-    "tuned numbers": 840,
+    "tuned numbers": 858,
     "tuned numbers without a comment": 143,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
@@ -32,19 +32,20 @@ raise one only with a reason in the commit message."""
 
 MODULES = {
     ".": 11,
-    "config": 19,
+    "config": 21,
     "discrepancy": 28,
     "dynamics": 16,
     "estimation": 13,
     "identification": 35,
     "files": 6,
-    "plotting": 17,
+    "modal_analysis": 5,
+    "plotting": 18,
     "quasistatic": 9,
     "report": 3,
-    "structures": 40,
+    "structures": 41,
     "studies": 9,
     "updating": 19,
-    "verbs": 9,
+    "verbs": 10,
 }
 """Modules of each room. Joints and signals grow by design: a law and a kind of recording are one
 file each; rooms to come are counted from when they stand here."""

@@ -84,7 +84,7 @@ def test_a_string_is_the_study_s_own_recording(study, tmp_path):
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(study, test, message):
-    with pytest.raises(ij.InputError, match="study.yaml:") as told:
+    with pytest.raises(ij.InputError, match=r"study\.yaml:") as told:
         ij.load_study(study(test))
     assert message in str(told.value)
 

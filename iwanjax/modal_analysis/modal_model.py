@@ -12,7 +12,7 @@ from iwanjax.estimation.parameters import Chart
 from iwanjax.estimation.problem import AbstractLeastSquares, residuals_and_slopes
 
 
-class Modes(NamedTuple):
+class ModalTerms(NamedTuple):
     """What the fitted functions are made of.
 
     Attributes
@@ -63,7 +63,7 @@ class ModalModel(AbstractLeastSquares):
     decays : bool
         Whether these are spectra of free decays.
     count : int
-        Modes n.
+        ModalTerms n.
     edges : (2, 2) array
         omega of the modes below and above the band, and zeta of these.
     middle, scale : (parameters,) array
@@ -83,7 +83,7 @@ class ModalModel(AbstractLeastSquares):
     scale: Float[Array, " parameters"]
     names: tuple[str, ...] = eqx.field(static=True, default=())
 
-    def modes(self, theta: Float[Array, " parameters"]) -> Modes:
+    def modes(self, theta: Float[Array, " parameters"]) -> ModalTerms:
         """What a row of parameters says."""
         n, (sensors, inputs) = self.count, self.H.shape[1:]
         drives = 2 * inputs if self.decays else self.sites.count(None)
@@ -93,11 +93,11 @@ class ModalModel(AbstractLeastSquares):
         if not self.decays:
             free = iter(own)
             own = jnp.stack([next(free) if each is None else shapes[each] for each in self.sites])
-        return Modes(
+        return ModalTerms(
             jnp.exp(omega), jnp.exp(zeta), shapes, own, remote.reshape(-1, sensors, inputs)
         )
 
-    def parameters(self, modes: Modes) -> Float[Array, " parameters"]:
+    def parameters(self, modes: ModalTerms) -> Float[Array, " parameters"]:
         """The row of parameters that says it."""
         free = [i for i, site in enumerate(self.sites) if site is None]
         drives = modes.drives if self.decays else np.asarray(modes.drives)[free]
@@ -115,7 +115,9 @@ class ModalModel(AbstractLeastSquares):
         far, ratio = self.edges
         return dynamic, 1.0 / (s**2 + 2.0 * ratio * far * s + far**2)
 
-    def functions(self, modes: Modes, s: Complex[Array, " lines"]) -> Complex[Array, "lines s i"]:
+    def functions(
+        self, modes: ModalTerms, s: Complex[Array, " lines"]
+    ) -> Complex[Array, "lines s i"]:
         """Frequency response functions, or spectra of decays, at any s."""
         dynamic, beyond = self.terms(modes.omega, modes.zeta, s)
         remote = jnp.einsum("ft,tsi->fsi", beyond, modes.remote)
@@ -162,7 +164,7 @@ class FittedModes(NamedTuple):
     converged: bool
 
     @property
-    def modes(self) -> Modes:
+    def modes(self) -> ModalTerms:
         """What they say."""
         return self.model.modes(jnp.asarray(self.theta))
 
@@ -176,7 +178,7 @@ class FittedModes(NamedTuple):
         return omega, zeta, shapes.reshape(sensors, n)
 
 
-def fitted(model: ModalModel, begin: Modes) -> FittedModes:
+def fitted(model: ModalModel, begin: ModalTerms) -> FittedModes:
     """Least squares from a start, with the covariance of its end."""
     theta = model.parameters(begin)
     _, slopes = residuals_and_slopes(model, theta)

@@ -91,18 +91,24 @@ def poles_by_order(
         size = (n + 1) * inputs
         seen = np.concatenate([each[: n + 1, :size] for each in projected])
         normal = gram[:size, :size] - seen.conj().T @ seen
-        rest = np.linalg.lstsq(normal[inputs:, inputs:], -normal[inputs:, :inputs], rcond=None)[0]
-        # A in powers of 1/z, whose highest coefficient is the identity.
-        backward = rest.reshape(n, inputs, inputs)[::-1]
-        companion = np.zeros((n * inputs, n * inputs), complex)
-        companion[:-inputs, inputs:] = np.eye((n - 1) * inputs)
-        companion[-inputs:] = -np.concatenate([each.T for each in backward], axis=1)
-        z = np.linalg.eigvals(companion)
-        z = 1.0 / z[np.abs(z) > 0.0]
+        z = _roots(normal, inputs)
         angle = np.mod(np.angle(z), 2.0 * math.pi)
         poles = np.log(np.abs(z)) / T + 1j * (angle / T + begin)
         found.append(poles[poles.imag > 0.0] + sigma)
     return found
+
+
+def _roots(normal: np.ndarray, inputs: int) -> np.ndarray:
+    """Roots of the denominator that these normal equations give, its lowest coefficient one."""
+    n = len(normal) // inputs - 1
+    rest = np.linalg.lstsq(normal[inputs:, inputs:], -normal[inputs:, :inputs], rcond=None)[0]
+    # In powers of 1/z, whose highest coefficient is the identity.
+    backward = rest.reshape(n, inputs, inputs)[::-1]
+    companion = np.zeros((n * inputs, n * inputs), complex)
+    companion[:-inputs, inputs:] = np.eye((n - 1) * inputs)
+    companion[-inputs:] = -np.concatenate([each.T for each in backward], axis=1)
+    z = np.linalg.eigvals(companion)
+    return 1.0 / z[np.abs(z) > 0.0]
 
 
 def clustered(

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Complex, Float
 
-from iwanjax.modal_analysis.modal_model import ModalModel, Modes
+from iwanjax.modal_analysis.modal_model import ModalModel, ModalTerms
 
 # A residual term's direction whose driving-point part is below this share of the largest one is
 # the noise of the others.
@@ -15,7 +15,7 @@ _LEAST_PART = 1e-2
 
 def linear_start(
     model: ModalModel, poles: Complex[np.ndarray, " n"]
-) -> tuple[Modes, Float[np.ndarray, " n"]]:
+) -> tuple[ModalTerms, Float[np.ndarray, " n"]]:
     r"""Modes where their poles are known.
 
     The terms' numerators are a linear least-squares fit; of each the part of rank one is
@@ -30,7 +30,7 @@ def linear_start(
 
     Returns
     -------
-    Modes
+    ModalTerms
     gain : (n,) array
         What each mode's term takes off the squared residual, the others staying.
     """
@@ -47,20 +47,24 @@ def linear_start(
         for i in range(inputs):
             A = terms * s[:, None] ** power / deviation[:, j, i, None]
             b = H[:, j, i] / deviation[:, j, i]
-            A, b = np.concatenate([A.real, A.imag]), np.concatenate([b.real, b.imag])
-            size = np.linalg.norm(A, axis=0)
-            x = np.linalg.lstsq(A / size, b, rcond=None)[0]
-            covariance = np.linalg.pinv(A.T @ A / np.outer(size, size), hermitian=True)
-            # Two parts of each complex value, as the residuals count them.
-            each = 2.0 * x**2 / np.diag(covariance)
+            found[:, j, i], each = _solved(A, b)
             gain += np.sum(each[: dynamic.shape[1]].reshape(-1, n), axis=0)
-            found[:, j, i] = x / size
     numerators, remote = found[: dynamic.shape[1]], found[dynamic.shape[1] :]
     if model.decays:
         numerators = np.concatenate([numerators[:n], numerators[n:]], axis=2)
     factors = [_rank_one(each, () if model.decays else model.sites) for each in numerators]
     shapes, drives = (np.stack(each, axis=1) for each in zip(*factors, strict=True))
-    return Modes(*map(jnp.asarray, (omega, zeta, shapes, drives, remote))), gain
+    return ModalTerms(*map(jnp.asarray, (omega, zeta, shapes, drives, remote))), gain
+
+
+def _solved(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Real factors of complex columns, and what each takes off the squared residual."""
+    A, b = np.concatenate([A.real, A.imag]), np.concatenate([b.real, b.imag])
+    size = np.linalg.norm(A, axis=0)
+    x = np.linalg.lstsq(A / size, b, rcond=None)[0]
+    covariance = np.linalg.pinv(A.T @ A / np.outer(size, size), hermitian=True)
+    # Two parts of each complex value, as the residuals count them.
+    return x / size, 2.0 * x**2 / np.diag(covariance)
 
 
 def _rank_one(

@@ -174,7 +174,7 @@ def _first(samples: SpectralSamples) -> tuple[np.ndarray, np.ndarray]:
 
 
 # Condition of the forces' cross spectra beyond which half of the digits are lost.
-_SEPARATE = 1e8
+_SEPARATE = float(np.finfo(float).eps ** -0.5)
 
 
 def _second(samples: SpectralSamples, first: np.ndarray, estimator: Estimator) -> np.ndarray:

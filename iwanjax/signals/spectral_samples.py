@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from iwanjax.errors import InputError
+from iwanjax.signals.comparison_band import END
 from iwanjax.signals.recording import Recording
 
 Excitation: TypeAlias = Literal["auto", "transient", "periodic", "random", "decay"]
@@ -86,7 +87,7 @@ def spectral_samples(
         Of one sampling rate and the same sensors.
     band : (f_1, f_2), optional
         Hz; by default where forces, of decays the responses, have a thousandth of their largest
-        energy, up to 0.8 of half the sampling rate.
+        energy, up to where recorders fade out.
     excitation : {"auto", "transient", "periodic", "random", "decay"}
         Hits from rest, one in each recording; periods of a steady state; stationary noise; or
         free decays. By default what the forces show.
@@ -211,13 +212,11 @@ def _band(
             else x[None]
         )
         energy += np.sum(np.abs(np.fft.rfft(blocks, 2 * (len(frequency) - 1), axis=1)) ** 2, (0, 2))
-    below = (frequency > 0.0) & (frequency <= _NYQUIST * rate)
+    below = (frequency > 0.0) & (frequency <= END * rate)
     strong = np.flatnonzero(below & (energy >= _ENERGY * np.max(energy[below])))
     return float(frequency[strong[0]]), float(frequency[strong[-1]])
 
 
-# Anti-aliasing filters begin to turn phases here, of the sampling rate.
-_NYQUIST = 0.4
 # Share of the largest energy per line: 30 dB below it.
 _ENERGY = 1e-3
 

@@ -67,7 +67,7 @@ def test_its_structure_answers_as_the_beam_does(test):
 
 
 def test_it_is_saved_and_shown(test, tmp_path):
-    again = ij.ModalTest.load(test.save(tmp_path / "test.npz"))
+    again = type(test).load(test.save(tmp_path / "test.npz"))
     np.testing.assert_array_equal(again.shapes, test.shapes)
     assert again.summary() == test.summary()
     assert "mass-normalised" in test.summary()
