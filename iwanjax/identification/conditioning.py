@@ -151,8 +151,9 @@ def conditioned(
             force = cleaned(each.force.astype(float), beside, settings)
             noisy = each.force_noise or force_noise_of(each, unsaid, settings)
             if noisy is not None:
-                # What nothing shows counts as none.
-                force = replace(force, noise=np.nan_to_num(noisy.deviation))
+                # What nothing shows counts as none: a force that never ends has zero here.
+                known = noisy.deviation
+                force = replace(force, noise=np.where(np.isnan(known), force.noise, known))
             forces[i, : len(response)] = force.clean
             felt = _felt(made, modal, force, settings)
             unsure = _unsure(made, modal, force, settings)
