@@ -101,7 +101,7 @@ def test_the_noise_is_estimated_beside_the_motion(told):
     for each in noise.values():
         # The cubic spring's harmonics, 0.15 to 0.2 mV in the quietest bands, are none of it.
         assert 0.03e-3 < each["deviation"] < 0.13e-3
-    # A generator's noise fills the band; its multisine ends at 200 Hz, and beyond that shows 0.01 mV.
+    # A generator's noise fills the band; its multisine ends at 200 Hz.
     force = {each["recording"]: each["deviation"] for each in told["force_noise"]}
     assert force["low level"] is force["arrow"] is None
     assert 0.005e-3 < force["multisine"] < 0.03e-3

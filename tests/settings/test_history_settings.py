@@ -53,7 +53,7 @@ def test_noise_is_measured_before_a_force_where_that_is_long_enough():
     before = np.std(before_force(RESPONSE, 100), axis=0, ddof=1)
     assert noise_of(struck).deviation == pytest.approx(before)
     assert noise_of(struck).source == ("before the force",)
-    assert noise_of(struck, few).source == ("in quiet bands",)
+    assert noise_of(struck, few).source == ("over the whole band",)
     recordings = [StudyRecording(name, RESPONSE, force) for name in "ab"]
     assert np.isfinite(common_noise(recordings).deviation).all()
     assert np.isnan(common_noise(recordings, few).deviation).all()
