@@ -72,8 +72,6 @@ class FreeLaw(Joint):
         Prior deviations of the strengths, force.
     """
 
-    given: UnnamedLaw
-
     @property
     def count(self) -> int:
         """Number of terms."""
@@ -86,6 +84,7 @@ class FreeLaw(Joint):
 
     def at(self, z: Array) -> UnnamedLaw:
         """The law of these strengths."""
+        assert isinstance(self.given, UnnamedLaw)
         return self.given.with_strengths(self.loose * z)
 
 

@@ -66,7 +66,7 @@ class UnnamedLaw(AbstractJoint):
     # their own: one with an axis would be taken for a batch of parameter sets.
     parameters: ClassVar[tuple[ParameterInfo, ...]] = ()
 
-    strengths: tuple[Array, ...] = eqx.field(converter=lambda x: tuple(as_real(x, "strengths")))
+    strengths: tuple[Array, ...] = eqx.field(converter=lambda x: _row(x))
     deflection: Array = eqx.field(converter=named("deflection"))
     rate: Array = eqx.field(converter=named("rate"))
     period: Array = eqx.field(converter=named("period"))
@@ -76,7 +76,7 @@ class UnnamedLaw(AbstractJoint):
         """The law without any force, for a place of these largest motions."""
         return cls(np.zeros(len(TERMS)), deflection, rate, period)
 
-    def with_strengths(self, strengths: Array) -> Self:
+    def with_strengths(self, strengths: ArrayLike) -> Self:
         """The same with other strengths, (terms,)."""
         return type(self)(strengths, self.deflection, self.rate, self.period)
 
@@ -84,7 +84,7 @@ class UnnamedLaw(AbstractJoint):
         """One of the parts ``spring``, ``damper``, ``sliders`` and ``relaxation`` by itself."""
         kept = np.zeros(len(TERMS))
         kept[PARTS[part]] = 1.0
-        return self.with_strengths(kept * jnp.stack(self.strengths))
+        return self.with_strengths(jnp.asarray(kept) * jnp.stack(self.strengths))
 
     def save(self, path: str | Path) -> Path:
         """Write the law to an ``.npz`` file, which studies name by ``file:``."""
@@ -203,6 +203,11 @@ class UnnamedLaw(AbstractJoint):
                     f"UnnamedLaw: the strength of {name} is {float(strength):g}; expected at least "
                     "0: less would feed energy"
                 )
+
+
+def _row(values: ArrayLike | tuple[Array, ...]) -> tuple[Array, ...]:
+    """The numbers of a row, one by one."""
+    return tuple(as_real(values, "strengths"))
 
 
 class _Spring(NamedTuple):
@@ -333,7 +338,8 @@ class Unnamed(AbstractDiscrete):
         drag = u * jnp.where(size < 1.0, size, 2.0 - 1.0 / jnp.maximum(size, 1.0))
         apart = jnp.minimum(x**2, 1.0) * u
         terms = (*saturating, jnp.maximum(u, 0.0), jnp.minimum(u, 0.0), drag, apart)
-        return sum(strength * term for strength, term in zip(self.dampers, terms, strict=True))
+        pairs = zip(self.dampers, terms, strict=True)
+        return sum((strength * term for strength, term in pairs), jnp.zeros_like(u))
 
     def step(self, d: Array, v: Array, dt: Array, state: UnnamedState) -> Reaction:
         """Move to d, to arrive at rate v."""

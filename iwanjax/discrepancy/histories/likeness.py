@@ -27,13 +27,14 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
         Force of each part in that motion.
     """
     size = {name: _size(force) for name, force in parts.items()}
-    least = settings().judgement.neighbour * _size(sum(parts.values()))
+    whole = np.sum(list(parts.values()), axis=0)
+    least = settings().judgement.neighbour * _size(whole)
     acting = {name for name, each in size.items() if each > least}
     words = []
     if "spring" in acting:
         words += ["elastic", *_shape(law, float(np.max(np.abs(motion.d))))]
     if "damper" in acting:
-        words.append(_growth(motion.v, parts["damper"]))
+        words.append(_growth(np.asarray(motion.v), parts["damper"]))
     if "sliders" in acting:
         words.append("rate-independent hysteresis")
     if "relaxation" in acting:
@@ -133,13 +134,14 @@ def _left(kind: ForceKind, motion: PlaceMotion, force: np.ndarray) -> float:
 @eqx.filter_jit
 def _unit_forces(kind: ForceKind, shapes: Array, motion: PlaceMotion) -> Array:
     """Forces of size 1, (shapes, recordings, N)."""
-    along = PlaceMotion(*(jnp.moveaxis(x, -1, 0) for x in motion[:4]), motion.dt)
+    d, v, a, moved = (jnp.moveaxis(x, -1, 0) for x in motion[:4])
     shape = shapes[:, None]
 
-    def step(memory: Array, at: tuple[Array, ...]) -> tuple[Array, Array]:
-        unit, memory = kind.unit_force(PlaceMotion(*at, along.dt), shape, memory)
+    def step(memory: Array, at: tuple[Array, Array, Array, Array]) -> tuple[Array, Array]:
+        place = PlaceMotion(at[0], at[1], at[2], at[3], motion.dt)
+        unit, memory = kind.unit_force(place, shape, memory)
         still = jnp.zeros((len(shapes), at[0].shape[0]))
         return memory + still, unit + still
 
-    none = jnp.zeros((len(shapes), along.d.shape[1]))
-    return jnp.moveaxis(jax.lax.scan(step, none, tuple(along[:4]))[1], 0, -1)
+    none = jnp.zeros((len(shapes), d.shape[1]))
+    return jnp.moveaxis(jax.lax.scan(step, none, (d, v, a, moved))[1], 0, -1)

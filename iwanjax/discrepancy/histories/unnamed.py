@@ -190,8 +190,11 @@ def beyond_names(
     if failures:
         raise RuntimeError(failures[0])
     held, with_it = ended.before[1], after[1]
-    both = held is not None and with_it is not None
-    if both and worse(held.relative, with_it.relative, held.floor_95):
+    if held is not None and with_it is not None:
+        refused = worse(held.relative, with_it.relative, held.floor_95)
+    else:
+        refused = False
+    if refused:
         return None
     general = misfit(after, after, allowed)
     now = beside_general_law(verdict, named, general)
@@ -239,14 +242,14 @@ def characterised(
     fit, dt = placed.fit, 1.0 / sampling_rate
     motion = _motion(fit, dt)
     parts = {name: _force(fit.law.alone(name), motion) for name in PARTS}
-    force = sum(parts.values())
+    force = np.sum(list(parts.values()), axis=0)
     hardest = int(np.argmax(np.max(np.abs(motion.d), axis=1)))
     backbone, deviation = _backbone(fit)
     return UnnamedForce(
         where=fit.place.label,
         law=fit.law,
         description=described(fit.law, motion, parts),
-        nearest=nearest(kinds, motion, np.asarray(force)),
+        nearest=nearest(kinds, motion, force),
         terms=float(np.sum(fit.determined)),
         path=np.stack([motion.d[hardest], force[hardest]]),
         backbone=backbone,
@@ -264,7 +267,8 @@ def _motion(fit: UnnamedFit, dt: float) -> PlaceMotion:
     varied = jax.device_put((fitted.theta, gain))
     seen = AtSamples(*observed(problem.predictor, problem.joints, here, *varied, problem.data))
     d, v, a = (np.asarray(x)[..., 0] for x in (seen.d, seen.v, seen.a))
-    return PlaceMotion(d, v, a, np.diff(d, axis=1, prepend=0.0), np.asarray(dt))
+    moved = np.diff(d, axis=1, prepend=0.0)
+    return PlaceMotion(*jax.device_put((d, v, a, moved, np.asarray(dt))))
 
 
 def _force(law: UnnamedLaw, motion: PlaceMotion) -> np.ndarray:
