@@ -15,7 +15,12 @@ from iwanjax.discrepancy.histories.place_test import (
     places_by_evidence,
     with_verdict,
 )
-from iwanjax.discrepancy.histories.score_test import places_of, score_test, where_something_acts
+from iwanjax.discrepancy.histories.score_test import (
+    excluded,
+    places_of,
+    score_test,
+    where_something_acts,
+)
 from iwanjax.effects.catalogue import CATALOGUE
 from iwanjax.identification.columns import columns, columns_at_rest, unit_effects
 from iwanjax.identification.linearise import linearise
@@ -137,6 +142,7 @@ def test_the_place_of_two_laws_comes_first_by_all_laws_there(pair):
     assert found[0].reduction > 1.05 * alone
     assert sum(each.probability for each in found) <= 1.0 + 1e-12
     assert {c.place.where for c in where_something_acts(candidates)} == {"m2"}
+    assert excluded([candidates]) == {each.where for each in found} - {"m2"}
 
 
 def test_where_nothing_is_missing_nothing_acts_anywhere():
