@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_ranking import SEARCH, entry
 
+from iwanjax.discrepancy.findings import PlaceEvidence
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.ranking import Scope
 from iwanjax.discrepancy.histories.selection import ModelSelection
@@ -22,7 +23,9 @@ def scope(stages: int, seen: list[str]) -> Scope:
 def test_no_stage_begins_when_the_time_is_over(monkeypatch, stages):
     seen: list[str] = []
     candidate = SimpleNamespace(
-        drop=0.9, start=SimpleNamespace(hypothesis=entry(1.0, "mass_error@a").fitted.hypothesis)
+        drop=0.9,
+        start=SimpleNamespace(hypothesis=entry(1.0, "mass_error@a").fitted.hypothesis),
+        place=PlaceEvidence("a", 1.0, 0.9, 1, 50.0),
     )
     results = {
         "nominal_fit": entry(9.0).fitted,
