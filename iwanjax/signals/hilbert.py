@@ -280,9 +280,9 @@ def _analysed(
     # From where the record begins: the hit itself may have gone further than what is left of it.
     whole = analytic_signal(centred(x[: span.stop]), sampling_rate, band, order)
     largest = float(np.max(np.abs(whole))) / float(np.exp(passed[0]))
-    curves = lines_curves(lines, derivatives, largest, **labels)
+    curves = lines_curves(lines, derivatives, largest, labels)
     # A beat bends lines as well: by what the noise leaves of them it is seen.
-    refuse_beats(lines_curves(lines, derivatives, largest, steps=False), band)
+    refuse_beats(lines_curves(lines, derivatives, largest, {}, steps=False), band)
     begin = span.first / sampling_rate
     released = np.max(np.abs(whole[span.first : span.first + span.settled + 1])) / np.exp(passed[0])
     found = RingDown(

@@ -1,6 +1,7 @@
 """Lines fitted to envelope and phase in intervals of a decay, and the curves that follow."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,7 +84,7 @@ def before_the_filter(lines: Lines, passed: np.ndarray) -> Lines:
 
 
 def lines_curves(
-    lines: Lines, derivatives: int, largest: float, *, steps: bool = True, **labels: str
+    lines: Lines, derivatives: int, largest: float, labels: Mapping[str, str], steps: bool = True
 ) -> ModalCurves:
     """Values at the midpoints from the lines' averages, and what follows from them."""
     to_middle, to_slope = _midpoint_operators(lines.middle, lines.width)

@@ -85,7 +85,7 @@ def records(path: Any, variable: str | None, selection: Selection) -> list[Recor
     if not isinstance(path, str | Path):
         return [_of(Path(type(path).__name__), table_record(path))]
     path, found = read_file(path)
-    nodes = found[0].arrays if is_container(path) else {}
+    nodes = dict(found[0].arrays) if is_container(path) else {}
     with blamed(path):
         if is_container(path):
             found = testlab_records(nodes)

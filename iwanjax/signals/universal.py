@@ -150,8 +150,8 @@ def _channel(name: str, held: dict[str, Any]) -> Channel:
 def _record(sets: dict[str, dict[str, Any]]) -> FileRecord:
     first = next(iter(sets.values()))
     count, even = int(first["num_pts"]), bool(first["abscissa_spacing"])
-    step = first["abscissa_inc"] if even else None
-    time = first["abscissa_min"] + step * np.arange(count) if even else first["x"][:count]
+    grid = first["abscissa_min"] + first["abscissa_inc"] * np.arange(count)
+    time = grid if even else first["x"][:count]
     lines = {f"id{i}": str(first[f"id{i}"]).strip() for i in range(1, 6)}
     return FileRecord(
         {"time": time, **{name: held["data"][:count] for name, held in sets.items()}},

@@ -96,8 +96,9 @@ def driven(
         dt[i] = loop.d.size * step
         dt[i, 3:end] = np.diff(at) * step
     timed = all(loop.dt is not None for loop in loops)
-    histories = (jnp.asarray(each) for each in (d, force, weight))
-    return LoopHistories(*histories, jnp.asarray(dt) if timed else None)
+    return LoopHistories(
+        jnp.asarray(d), jnp.asarray(force), jnp.asarray(weight), jnp.asarray(dt) if timed else None
+    )
 
 
 def _drawing(d: np.ndarray, most: float) -> np.ndarray:
