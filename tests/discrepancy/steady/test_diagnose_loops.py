@@ -25,6 +25,7 @@ from iwanjax.cli import app
 from iwanjax.discrepancy import CATALOGUE
 from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
 from iwanjax.errors import InputError
+from iwanjax.identification.steady.loops import driven, is_seen
 
 GUESS = ij.Iwan4(F_S=7.0, K_T=1.2, chi=-0.3, beta=3.0)
 TRIED = ("stiffness_error", "cubic_stiffness", "coulomb_friction", "viscous_damping")
