@@ -224,13 +224,10 @@ class Diagnosis(AbstractResult):
             return [*self._general(self.unnamed), off]
         if not self.complete:
             return ["Undecided: something is missing, and there was no time to find out what", off]
-        somewhere = self.places and self.places[0].probability > 0.5
-        missing = (
-            f"something acts {place(self.places[0].where)} (probability "
-            f"{self.places[0].probability:.2f})"
-            if somewhere
-            else "something is missing"
-        )
+        missing = "something is missing"
+        if self.places and self.places[0].probability > 0.5:
+            at = self.places[0]
+            missing = f"something acts {place(at.where)} (probability {at.probability:.2f})"
         return [
             f"Undecided: {missing}, and nothing that was tried explains it "
             f"(probability {self.probability_something_else:.2f} that it is something else)",
@@ -346,7 +343,7 @@ class Diagnosis(AbstractResult):
         suspects = [
             (
                 noun(each.kind, each.where),
-                f"{each.probability:.2g}",
+                f"{each.probability:.2f}",
                 sizes(each.parameters),
                 ", ".join(each.joint_with),
             )
