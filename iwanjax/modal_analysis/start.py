@@ -59,7 +59,7 @@ def linear_start(
 
 def _solved(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Real factors of complex columns, and what each takes off the squared residual."""
-    A, b = np.concatenate([A.real, A.imag]), np.concatenate([b.real, b.imag])
+    A, b = (np.concatenate([np.real(each), np.imag(each)]) for each in (A, b))
     size = np.linalg.norm(A, axis=0)
     x = np.linalg.lstsq(A / size, b, rcond=None)[0]
     covariance = np.linalg.pinv(A.T @ A / np.outer(size, size), hermitian=True)

@@ -117,7 +117,9 @@ def spectral_samples(
                 f"{first.name} {', '.join(c.name for c in first.channels)}; expected the same in "
                 "the same order"
             )
-    kinds = {each.name: _kind(each, excitation, period) for each in recordings}
+    kinds: dict[str, Excitation] = {
+        each.name: _kind(each, excitation, period) for each in recordings
+    }
     kind = kinds[first.name]
     if other := [name for name, each in kinds.items() if each != kind]:
         raise InputError(
