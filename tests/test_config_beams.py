@@ -131,7 +131,7 @@ BAD = {
         "{F_S: 2, K_T: 3e5}}\n",
         "{F_S: 2, K_T: 3e5}}\nnoise: {a13: 1}\n",
         11,
-        ["noise.a13", "no sensor 'a13'", "lateral"],
+        ["noise.a13", "no sensor or input 'a13'", "lateral"],
     ),
 }
 

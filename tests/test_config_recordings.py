@@ -633,7 +633,7 @@ BAD_STRUCTURE = {
     "group twice": ("[J1, J2]", "[J1, J1]", 19, ["groups.ends[1]", "already"]),
     "group named as a joint": ("ends: [J1, J2]", "J3: [J1, J2]", 19, ["groups.J3", "rename"]),
     "group empty": ("[J1, J2]", "[]", 19, ["fit.groups.ends", "at least one"]),
-    "noise": ("fit:", "noise: {a3: 1}\nfit:", 19, ["noise.a3", "no sensor 'a3'"]),
+    "noise": ("fit:", "noise: {a3: 1}\nfit:", 19, ["noise.a3", "no sensor or input 'a3'"]),
 }
 
 

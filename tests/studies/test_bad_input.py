@@ -95,7 +95,7 @@ BAD = {
     ),
     "noise of another sensor": (
         lambda: ij.Study(CHAIN, sensors=SENSORS, noise={"a9": 1.0}),
-        ["noise.a9", "no sensor 'a9'"],
+        ["noise.a9", "no sensor or input 'a9'"],
     ),
     "no recordings": (lambda: ij.Study(CHAIN).curves(), ["study 'study': there are no recordings"]),
     "nothing to fit": (
