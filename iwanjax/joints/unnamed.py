@@ -1,4 +1,4 @@
-"""A law for what has no name: springs, dampers, sliders and relaxation side by side."""
+"""A law for what has no name: springs, dampers, sliders, relaxation and yield side by side."""
 
 from pathlib import Path
 from typing import ClassVar, NamedTuple, Self
@@ -16,16 +16,16 @@ from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.maxwell import Relaxing, RelaxingState
 from iwanjax.joints.sliders import SliderBank, SliderState
+from iwanjax.joints.unnamed_parts import SplineSpring, YieldingSprings
 from iwanjax.joints.unnamed_terms import (
     ELASTIC,
-    INTERVALS,
-    KNOTS,
     PARTS,
     RATES,
     SHARES,
     SLIPS,
     TERMS,
     TIMES,
+    YIELDS,
 )
 from iwanjax.types import ArrayLike, as_real, is_traced, real
 
@@ -34,17 +34,21 @@ _HARMONIC = 128
 
 
 class UnnamedLaw(AbstractJoint):
-    r"""A general law of a place's own motion: a spring, dampers, sliders and relaxation.
+    r"""A general law of a place's own motion: a spring, dampers, sliders, relaxation and yield.
 
     With :math:`x = d/D` and :math:`u = v/V`
 
-    .. math:: F = S(x) + R(x, u) + \sum_j s_j\,\frac{\sigma_j}{\phi_j} + \sum_m r_m\,\frac{q_m}{D}
+    .. math:: F = S(x) + R(x, u) + \sum_j s_j\,\frac{\sigma_j}{\phi_j}
+              + \sum_m r_m\,\frac{q_m}{D} + \sum_l y_l\,\frac{z_l}{\phi_l}
 
     S is a cubic spline through the origin whose slope may change at each knot, R a sum of dampers
     :math:`u/(|u| + \epsilon)`, of both sides of u, :math:`u|u|` and :math:`x^2 u`;
     :math:`\sigma_j` are the stretches of sliders that slip at :math:`\phi_j`, and
-    :math:`\dot q_m + q_m/\tau_m = v`. Beyond D the spring goes on straight, beyond V the quadratic
-    damper. All but the spring's strengths are at least zero, so that no closed cycle feeds energy.
+    :math:`\dot q_m + q_m/\tau_m = v`, and the springs :math:`z_l` yield as those of Bouc and Wen
+    with the exponent 2, :math:`\dot z = v\,[1 - (z/\phi)^2]` where that grows and :math:`v` where
+    it falls: they unload straight, which no bank of sliders does. Beyond D the spring goes on
+    straight, beyond V the quadratic damper. All but the spring's strengths are at least zero, so
+    that no closed cycle feeds energy.
 
     Parameters
     ----------
@@ -81,7 +85,7 @@ class UnnamedLaw(AbstractJoint):
         return type(self)(strengths, self.deflection, self.rate, self.period)
 
     def alone(self, part: str) -> Self:
-        """One of the parts ``spring``, ``damper``, ``sliders`` and ``relaxation`` by itself."""
+        """One of the parts by itself, by its name in ``unnamed_terms.PARTS``."""
         kept = np.zeros(len(TERMS))
         kept[PARTS[part]] = 1.0
         return self.with_strengths(jnp.asarray(kept) * jnp.stack(self.strengths))
@@ -114,7 +118,7 @@ class UnnamedLaw(AbstractJoint):
     def limit_stiffness(self) -> Array:
         """Mean of the slopes that the spring goes on with, force/length."""
         ends = self.deflection * jnp.array([-2.0, 2.0])
-        return jnp.mean(_Spring.of(self).curve(ends)[1])
+        return jnp.mean(_spring(self).curve(ends)[1])
 
     def discrete(self, sliders: int | None = None) -> "Unnamed":
         """All parts in motion."""
@@ -122,11 +126,12 @@ class UnnamedLaw(AbstractJoint):
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent): the spring and the sliders."""
-        spring, bank = _Spring.of(self), _bank(self)
+        spring, bank, yielding = _spring(self), _bank(self), _yielding(self)
 
         def evaluate(d: Array) -> tuple[Array, Array]:
             (force, tangent), (held, stuck) = spring.curve(d), _virgin(bank, d)
-            return force + held, tangent + stuck
+            pulled, elastic = yielding.curve(d)
+            return force + held + pulled, tangent + stuck + elastic
 
         return evaluate
 
@@ -135,19 +140,22 @@ class UnnamedLaw(AbstractJoint):
         amplitude = jnp.abs(real(d))
         at_rest = amplitude == 0
         safe = jnp.where(at_rest, 1.0, amplitude)
-        tips = self.backbone(safe) - self.backbone(-safe)
+        tips = self.loading(safe, safe) - self.loading(-safe, safe)
         return jnp.where(at_rest, self.initial_stiffness, 0.5 * tips / safe)
 
     def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
         """Secant of the spring, tangent of the sliders, force/length."""
         amplitude = jnp.abs(real(d))
-        return self.alone("spring").secant(d) + _virgin(_bank(self), amplitude)[1]
+        # A yielding spring unloads straight from both tips.
+        elastic = _yielding(self).curve(jnp.zeros_like(amplitude))[1]
+        return self.alone("spring").secant(d) + _virgin(_bank(self), amplitude)[1] + elastic
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Energy lost in a steady harmonic cycle of amplitude |d|, force x length.
 
         Sliders lose :math:`4k\phi(|d| - \phi)_+` each, relaxing springs
-        :math:`\pi k d^2\omega\tau/(1 + \omega^2\tau^2)`, dampers :math:`\oint R\,dd`.
+        :math:`\pi k d^2\omega\tau/(1 + \omega^2\tau^2)`, dampers :math:`\oint R\,dd`, yielding
+        springs :math:`-k\phi^2[\ln(1 - w^2) + w^2]` to the share w of their slip at the tip.
 
         Parameters
         ----------
@@ -161,6 +169,7 @@ class UnnamedLaw(AbstractJoint):
         bank, all_of = _bank(self), Unnamed.of(self)
         slipped = jnp.maximum(amplitude[..., None] - bank.phi, 0.0)
         lost = 4.0 * jnp.sum(bank.k * bank.phi * slipped, axis=-1)
+        lost = lost + _yielding(self).cycle(amplitude)
         angle = w * all_of.relaxing.c
         stored = all_of.relaxation * angle / (1.0 + angle**2)
         lost = lost + jnp.pi * jnp.sum(stored) / self.deflection * amplitude**2
@@ -173,8 +182,9 @@ class UnnamedLaw(AbstractJoint):
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """Loading branch of the quasi-static loop: the spring, the sliders by Masing's rule."""
         to, bank = real(d), _bank(self)
-        held = masing_loading(lambda x: _virgin(bank, x), to, jnp.abs(real(d_0)))
-        return _Spring.of(self).curve(to)[0] + held
+        amplitude = jnp.abs(real(d_0))
+        held = masing_loading(lambda x: _virgin(bank, x), to, amplitude)
+        return _spring(self).curve(to)[0] + held + _yielding(self).loading(to, amplitude)
 
     def __repr__(self) -> str:
         """How far it was fitted."""
@@ -210,44 +220,13 @@ def _row(values: ArrayLike | tuple[Array, ...]) -> tuple[Array, ...]:
     return tuple(as_real(values, "strengths"))
 
 
-class _Spring(NamedTuple):
-    """Polynomials of the spring between its knots, in d/D.
+def _spring(law: UnnamedLaw) -> SplineSpring:
+    return SplineSpring.of(jnp.stack(law.strengths[:ELASTIC]), law.deflection)
 
-    Attributes
-    ----------
-    D : array
-        Length.
-    c : (5, knots - 1) array
-        Energy over D, force, slope, its derivative and that one's, at each interval's left knot.
-    """
 
-    D: Array
-    c: Array
-
-    @classmethod
-    def of(cls, law: UnnamedLaw) -> "_Spring":
-        return cls(law.deflection, jnp.asarray(INTERVALS) @ jnp.stack(law.strengths[:ELASTIC]))
-
-    def _at(self, d: Array) -> tuple[Array, tuple[Array, ...], Array]:
-        x = d / self.D
-        inside = jnp.clip(x, -1.0, 1.0)
-        i = jnp.clip(jnp.searchsorted(KNOTS, inside, side="right") - 1, 0, len(KNOTS) - 2)
-        return inside - jnp.asarray(KNOTS)[i], tuple(self.c[j][i] for j in range(5)), x - inside
-
-    def curve(self, d: Array) -> tuple[Array, Array]:
-        """Force and tangent, force/length."""
-        t, (_, f, s, m, q), beyond = self._at(d)
-        slope = s + t * (m + 0.5 * q * t)
-        force = f + t * (s + t * (m / 2.0 + q * t / 6.0))
-        return force + slope * beyond, slope / self.D
-
-    def energy(self, d: Array) -> Array:
-        """Stored, force x length."""
-        t, (e, f, s, m, q), beyond = self._at(d)
-        stored = e + t * (f + t * (s / 2.0 + t * (m / 6.0 + q * t / 24.0)))
-        force = f + t * (s + t * (m / 2.0 + q * t / 6.0))
-        slope = s + t * (m + 0.5 * q * t)
-        return self.D * (stored + beyond * (force + 0.5 * slope * beyond))
+def _yielding(law: UnnamedLaw) -> YieldingSprings:
+    force = jnp.stack(law.strengths[PARTS["yielding"]])
+    return YieldingSprings(force, law.deflection * YIELDS)
 
 
 def _bank(law: UnnamedLaw) -> SliderBank:
@@ -274,16 +253,19 @@ class UnnamedState(NamedTuple):
         Of the bank.
     relaxing : RelaxingState
         Of relaxing springs of unit stiffness.
+    z : (springs,) array
+        Shares of their slip of the yielding springs.
     """
 
     d: Array
     v: Array
     sliders: SliderState
     relaxing: RelaxingState
+    z: Array
 
 
 class Unnamed(AbstractDiscrete):
-    """The general law in motion: its spring, dampers, sliders and relaxing springs.
+    """The general law in motion: its spring, dampers, sliders, relaxing and yielding springs.
 
     Attributes
     ----------
@@ -299,6 +281,8 @@ class Unnamed(AbstractDiscrete):
         Springs of unit stiffness in series with dashpots.
     relaxation : (times,) array
         Their strengths, force at D.
+    yielding : (2, springs) array
+        Force at the slip of the yielding springs, and the slip, length.
     """
 
     spring: Array
@@ -308,6 +292,7 @@ class Unnamed(AbstractDiscrete):
     bank: SliderBank
     relaxing: Relaxing
     relaxation: Array
+    yielding: Array
     rate_dependent: ClassVar[bool] = True
 
     @classmethod
@@ -315,20 +300,22 @@ class Unnamed(AbstractDiscrete):
         """The constants of a law worked out once."""
         tau = law.period / (2.0 * np.pi) * jnp.asarray(TIMES)
         return cls(
-            _Spring.of(law).c,
+            _spring(law).c,
             law.deflection,
             law.rate,
             jnp.stack(law.strengths[PARTS["damper"]]),
             _bank(law),
             Relaxing(jnp.ones_like(tau), tau),
             jnp.stack(law.strengths[PARTS["relaxation"]]),
+            jnp.stack(_yielding(law)),
         )
 
     def init(self) -> UnnamedState:
         """At rest."""
         zero = jnp.zeros(())
         relaxing = self.relaxing.init()._replace(d=zero)
-        return UnnamedState(zero, zero, self.bank.init(), relaxing)
+        still = jnp.zeros_like(self.yielding[0])
+        return UnnamedState(zero, zero, self.bank.init(), relaxing, still)
 
     def damper(self, d: Array, v: Array) -> Array:
         """Force of the dampers, against the motion whatever it is."""
@@ -343,12 +330,16 @@ class Unnamed(AbstractDiscrete):
 
     def step(self, d: Array, v: Array, dt: Array, state: UnnamedState) -> Reaction:
         """Move to d, to arrive at rate v."""
-        spring = _Spring(self.D, self.spring)
+        spring = SplineSpring(self.D, self.spring)
         force, stiffness = spring.curve(d)
         slid = self.bank.step(d, v, dt, state.sliders)
         relaxed = self.relaxing.step(d, v, dt, state.relaxing)
         share = self.relaxation / self.D
         one, none = jnp.ones_like(d), jnp.zeros_like(d)
+        yielding = YieldingSprings(*self.yielding)
+        # Of the state's own deflection: what settles a step has moved it.
+        moved = d - state.d
+        z, slope = jax.jvp(lambda by: yielding.onward(state.z, by), (moved,), (one,))
         drag, by_d = jax.jvp(self.damper, (d, v), (one, none))
         _, by_v = jax.jvp(self.damper, (d, v), (none, one))
         # Simpson's rule along the cubic that joins both ends.
@@ -358,25 +349,37 @@ class Unnamed(AbstractDiscrete):
         power = [self.damper(*at) * at[1] for at in ends]
         lost = dt / 6.0 * (power[0] + 4.0 * power[1] + power[2])
         return Reaction(
-            force + drag + slid.force + jnp.sum(share * relaxed.force),
-            stiffness + by_d + slid.stiffness + jnp.sum(share * relaxed.stiffness),
+            force
+            + drag
+            + slid.force
+            + jnp.sum(share * relaxed.force)
+            + jnp.sum(yielding.force * z),
+            stiffness
+            + by_d
+            + slid.stiffness
+            + jnp.sum(share * relaxed.stiffness)
+            + jnp.sum(yielding.force * slope),
             by_v + jnp.sum(share * relaxed.damping),
-            UnnamedState(d, v, slid.state, relaxed.state),
-            lost + slid.loss + jnp.sum(share * relaxed.loss),
+            UnnamedState(d, v, slid.state, relaxed.state, z),
+            lost + slid.loss + jnp.sum(share * relaxed.loss) + yielding.lost(state.z, z, moved),
         )
 
     def settled(self, state: UnnamedState, by: Array, stiffness: Array) -> UnnamedState:
         """Sliders follow a little further; relaxing springs, which forget, are left as they are."""
         at = state.sliders
         stretch = jnp.clip(at.stretch + by, -self.bank.phi, self.bank.phi)
-        return state._replace(d=state.d + by, sliders=at._replace(d=at.d + by, stretch=stretch))
+        z = YieldingSprings(*self.yielding).onward(state.z, by)
+        sliders = at._replace(d=at.d + by, stretch=stretch)
+        return state._replace(d=state.d + by, sliders=sliders, z=z)
 
     def haste(self, dt: Array) -> Array:
         """Of the fastest relaxing spring that has any strength."""
         return jnp.max(jnp.where(self.relaxation > 0.0, dt / self.relaxing.c, 0.0))
 
     def energy(self, d: Array, state: UnnamedState) -> Array:
-        """Of the spring, the sliders' springs and the relaxing ones."""
+        """Of the spring, the sliders' springs, the relaxing and the yielding ones."""
         relaxed = jnp.sum(self.relaxation / self.D * self.relaxing.energy(d, state.relaxing))
-        spring = _Spring(self.D, self.spring).energy(d)
-        return spring + self.bank.energy(d, state.sliders) + relaxed
+        spring = SplineSpring(self.D, self.spring).energy(d)
+        force, phi = self.yielding
+        pulled = 0.5 * jnp.sum(force * phi * state.z**2)
+        return spring + self.bank.energy(d, state.sliders) + relaxed + pulled

@@ -66,6 +66,11 @@ def _times() -> _Grid:
     return 10.0 ** ((np.arange(4) - 2.0) / 2.0)
 
 
+def _yields() -> _Grid:
+    """Slip of springs that yield gradually, over D: an octave apart as the sliders' nodes."""
+    return 2.0 ** -np.arange(10.0)
+
+
 def _terms() -> tuple[str, ...]:
     return (
         "spring",
@@ -75,6 +80,7 @@ def _terms() -> tuple[str, ...]:
         "damper of large deflections",
         *(f"slider at D/{2**k}" for k in range(SHARES.shape[1])),
         *(f"relaxing spring of {t:.3g} T/(2 pi)" for t in TIMES),
+        *(f"yielding spring of {phi:.3g} D" for phi in YIELDS),
     )
 
 
@@ -88,6 +94,8 @@ RATES = _rates()
 """Of the saturating dampers, u."""
 TIMES = _times()
 """Of the relaxing springs over T/(2 pi)."""
+YIELDS = _yields()
+"""Slip of the yielding springs over D."""
 TERMS = _terms()
 """Names of all terms, in the order of the law's strengths."""
 
@@ -99,6 +107,7 @@ def _parts() -> dict[str, slice]:
         ("damper", len(RATES) + 4),
         ("sliders", SHARES.shape[1]),
         ("relaxation", len(TIMES)),
+        ("yielding", len(YIELDS)),
     ):
         found[name] = slice(first, first + count)
         first += count

@@ -87,7 +87,7 @@ ELEMENTS = {
         for name, kind in JOINTS.items()
         if kind is not UnnamedLaw
     },
-    "unnamed_law": UnnamedLaw(np.linspace(0.0, 1.0, len(TERMS)), 0.9, 1.3, 0.7),
+    "unnamed_law": UnnamedLaw(np.linspace(0.0, 0.3, len(TERMS)), 90.0, 1.3, 0.7),
     "one-sided gap": ij.Gap(k=0.5, gap=0.5, sides="positive"),
     "tabulated": ij.Tabulated(d=[-1.0, 0.0, 0.4, 2.0], force=[-2.0, 0.0, 0.3, 3.0]),
 }

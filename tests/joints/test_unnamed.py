@@ -11,8 +11,18 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import nnls
 
 import iwanjax as ij
-from iwanjax.joints import UnnamedLaw
-from iwanjax.joints.unnamed_terms import ELASTIC, KNOTS, PARTS, RATES, SHARES, SLIPS, TERMS, TIMES
+from iwanjax.joints import BoucWen, UnnamedLaw
+from iwanjax.joints.unnamed_terms import (
+    ELASTIC,
+    KNOTS,
+    PARTS,
+    RATES,
+    SHARES,
+    SLIPS,
+    TERMS,
+    TIMES,
+    YIELDS,
+)
 from iwanjax.studies import load_study
 
 D, V, T = 2e-3, 0.4, 0.05
@@ -53,6 +63,24 @@ def test_sliders_are_those_of_numpy():
         last = each
         expected.append(k @ stretch)
     np.testing.assert_allclose(ij.hysteresis(law, d, dt=1e3 * T), expected, rtol=1e-12)
+
+
+def test_yielding_springs_are_those_of_bouc_and_wen():
+    law = drawn(4, "yielding")
+    d = D * np.array([0.3, 1.4, -0.2, -0.1, -1.8, 0.9, 0.85, 0.95, 0.0])
+    force = np.array(law.strengths)[PARTS["yielding"]]
+    each = [
+        np.asarray(ij.hysteresis(BoucWen(f, f / (D * phi), 2.0), d))
+        for f, phi in zip(force, YIELDS, strict=True)
+        if f > 0.0
+    ]
+    np.testing.assert_allclose(ij.hysteresis(law, d, dt=1e3 * T), sum(each), rtol=1e-8)
+    other = [
+        float(BoucWen(f, f / (D * phi), 2.0).dissipation(0.7 * D))
+        for f, phi in zip(force, YIELDS, strict=True)
+        if f > 0.0
+    ]
+    assert float(law.dissipation(0.7 * D)) == pytest.approx(sum(other), rel=1e-8)
 
 
 def test_relaxing_springs_follow_their_equation():
@@ -120,7 +148,7 @@ def test_no_history_feeds_energy(seed, reach, pace):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"strengths": np.zeros(3)}, "expected 37, one for each term"),
+        ({"strengths": np.zeros(3)}, "expected 47, one for each term"),
         ({"strengths": -np.ones(len(TERMS))}, "less would feed energy"),
         ({"deflection": 0.0}, "deflection = 0.0; expected a positive number"),
     ],

@@ -11,6 +11,7 @@ from jaxtyping import Array
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.force_law import Scales
+from iwanjax.joints.unnamed_terms import PARTS
 from iwanjax.settings.stages import settings
 
 
@@ -34,12 +35,17 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
     if "spring" in acting:
         words += ["elastic", *_shape(law, float(np.max(np.abs(motion.d))))]
     if "damper" in acting:
-        words.append(_growth(np.asarray(motion.v), parts["damper"]))
-    if "sliders" in acting:
+        dampers = np.array(law.strengths[PARTS["damper"]])
+        # The last of them is the one that the deflection opens.
+        if dampers[-1] > settings().judgement.neighbour * np.sum(dampers):
+            words.append("damping that grows with the deflection")
+        else:
+            words.append(_growth(np.asarray(motion.v), parts["damper"]))
+    if acting & {"sliders", "yielding"}:
         words.append("rate-independent hysteresis")
     if "relaxation" in acting:
         words.append("a force that relaxes with time")
-    if not acting & {"sliders", "relaxation"}:
+    if not acting & {"sliders", "relaxation", "yielding"}:
         words.append("no memory")
     return ", ".join(words)
 
