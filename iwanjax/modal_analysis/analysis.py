@@ -199,7 +199,7 @@ def _fit(
     which, said, settled = np.arange(len(poles)), [], 0
     ends = 2.0 * math.pi * responses.frequency[[0, -1]] * np.array([_LOWEST, _BEYOND])
     # As the modes in the band have.
-    edges = np.stack([ends, np.full(2, np.median(-poles.real / np.abs(poles)))])
+    edges = np.stack([ends, np.full(2, np.median(-np.real(poles) / np.abs(poles)))])
     while True:
         model = _model(responses, len(poles), sites, deviation, lines, edges)
         begin, gain = linear_start(model, poles)
@@ -286,7 +286,7 @@ def _telling(responses: FrequencyResponses, poles: np.ndarray) -> np.ndarray:
     most = max(_MOST_VALUES // responses.frf[0].size, 4 * len(poles))
     if count <= most:
         return np.arange(count)
-    away = np.abs(1j * responses.s.imag[:, None] - poles) / np.abs(poles.real)
+    away = np.abs(1j * np.imag(responses.s)[:, None] - poles) / np.abs(np.real(poles))
     near = np.argsort(np.min(away, axis=1), kind="stable")[: most // 2]
     spread = np.linspace(0, count - 1, most // 2).round().astype(int)
     return np.union1d(near, spread)

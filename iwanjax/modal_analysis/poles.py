@@ -72,14 +72,14 @@ def poles_by_order(
     Guillaume, Verboven, Vanlanduit, Van der Auweraer and Peeters, IMAC 21 (2003);
     Cauberghe, PhD thesis, VUB 2004, for the coefficient that is the identity.
     """
-    omega, sigma = s.imag, float(s.real[0])
+    omega, sigma = np.imag(s), float(np.real(s)[0])
     F, sensors, inputs = H.shape
     width = (omega[-1] - omega[0]) / _CIRCLE
     T = 2.0 * math.pi / width
     begin = omega[0] - 0.5 * (width - (omega[-1] - omega[0]))
     powers = np.exp(1j * (omega - begin) * T)[:, None] ** np.arange(max(orders) + 1)
     # Of the highest order; those of lower ones are their leading parts.
-    gram, projected = 0.0, []
+    gram, projected = np.zeros(((max(orders) + 1) * inputs,) * 2, complex), []
     for k in range(sensors):
         Q, _ = np.linalg.qr(powers * weight[:, k, None])
         Y = powers[:, :, None] * (H[:, k, None, :] * weight[:, k, None, None])
@@ -138,14 +138,14 @@ def clustered(
     order = np.concatenate([np.full(len(p), n) for n, p in zip(orders, found, strict=True)])
     poles = np.concatenate(found)
     frequency = np.abs(poles) / (2.0 * math.pi)
-    damping = -poles.real / np.abs(poles)
+    damping = -np.real(poles) / np.abs(poles)
     kept = (damping > 0) & (damping < MOST_DAMPING)
     kept &= (frequency >= band[0]) & (frequency <= band[1])
     order, poles, frequency, damping = (x[kept] for x in (order, poles, frequency, damping))
     modes = np.full(len(poles), -1)
     if len(poles) < max(least, 2):
         return np.zeros(0, complex), Stabilisation(order, frequency, damping, modes)
-    rate = window - poles.real
+    rate = window - np.real(poles)
     apart = np.abs(poles[:, None] - poles) / (0.5 * (rate[:, None] + rate))
     upper = apart[np.triu_indices(len(poles), 1)]
     tree = scipy.cluster.hierarchy.linkage(upper, "average")
@@ -154,7 +154,7 @@ def clustered(
     for each in np.unique(cluster):
         own = cluster == each
         if len(np.unique(order[own])) >= least:
-            middles[each] = np.median(poles[own].real) + 1j * np.median(poles[own].imag)
+            middles[each] = np.median(np.real(poles[own])) + 1j * np.median(np.imag(poles[own]))
     ordered = sorted(middles, key=lambda each: abs(middles[each]))
     for i, each in enumerate(ordered):
         modes[cluster == each] = i

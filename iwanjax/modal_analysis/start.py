@@ -35,9 +35,11 @@ def linear_start(
         What each mode's term takes off the squared residual, the others staying.
     """
     s, H, deviation = (np.asarray(each) for each in (model.s, model.H, model.deviation))
-    omega, zeta = np.abs(poles), -poles.real / np.abs(poles)
+    omega, zeta = np.abs(poles), -np.real(poles) / np.abs(poles)
     n, (sensors, inputs) = len(poles), H.shape[1:]
-    dynamic, beyond = (np.asarray(each) for each in model.terms(omega, zeta, jnp.asarray(s)))
+    dynamic, beyond = (
+        np.asarray(each) for each in model.terms(*map(jnp.asarray, (omega, zeta, s)))
+    )
     if model.decays:
         dynamic = np.concatenate([dynamic * s[:, None], dynamic], axis=1)
     terms = np.concatenate([dynamic, beyond], axis=1)
