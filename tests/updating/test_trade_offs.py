@@ -100,8 +100,9 @@ def test_no_sampled_set_beats_the_front_and_its_ends_are_single_fits(sampled):
     assert f[0] < 0.2 * sampled.frequency_rmsd.min()
     assert zeta[-1] < 0.5 * sampled.damping_rmsd.min()
     model = front.model()
-    assert isinstance(model, ij.JointedStructure)
-    assert float(model.joints["J1"].chi) == pytest.approx(front.point(front.chosen)["J1.chi"])
+    joint = model.joints["J1"]
+    assert isinstance(joint, ij.Iwan4)
+    assert float(joint.chi) == pytest.approx(front.point(front.chosen)["J1.chi"])
     figure = front.plot()
     assert len(figure.axes[0].lines) == 3
     assert "nearest to the best of both" in front.summary()
