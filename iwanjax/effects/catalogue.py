@@ -17,7 +17,7 @@ from iwanjax.effects import (
 )
 from iwanjax.effects.faults import AbstractFault, AbstractSensorFault
 from iwanjax.effects.joint_faults import JOINT_FAULTS
-from iwanjax.effects.kinds import ForceKind, Kind, force_laws
+from iwanjax.effects.kinds import ForceKind, Kind, NamedKind, force_laws
 from iwanjax.errors import InputError
 from iwanjax.joints import described
 from iwanjax.joints.force_law import AbstractForceLaw, EffectName
@@ -44,7 +44,7 @@ def sensor_faults_of(kinds: Iterable[Kind]) -> tuple[AbstractSensorFault, ...]:
 
 
 @cache
-def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[Kind, ...]:
+def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[NamedKind, ...]:
     """The kind that a law is, each of its variants."""
     effect = law.effect or EffectName(registered, described(law).partition(":")[0])
     return tuple(
@@ -55,7 +55,7 @@ def _of_law(registered: str, law: type[AbstractForceLaw]) -> tuple[Kind, ...]:
     )
 
 
-CATALOGUE: dict[str, tuple[Kind, ...]] = {
+CATALOGUE: dict[str, tuple[NamedKind, ...]] = {
     **{law.effect.name: _of_law(name, law) for name, law in force_laws().items() if law.effect},
     **{kind.name: (kind,) for kind in FAULTS},
     **{
@@ -66,7 +66,7 @@ CATALOGUE: dict[str, tuple[Kind, ...]] = {
 """Kinds that have a name of their own, each with its variants; :func:`catalogue` has all."""
 
 
-def catalogue() -> dict[str, tuple[Kind, ...]]:
+def catalogue() -> dict[str, tuple[NamedKind, ...]]:
     """All kinds by name: those of :data:`CATALOGUE`, and every other law that is a joint's type.
 
     Raises
@@ -90,7 +90,7 @@ def shipped(kind: ForceKind) -> bool:
     return kind.law.__module__.startswith("iwanjax.")
 
 
-def kinds_of(names: tuple[str, ...] = ()) -> tuple[Kind, ...]:
+def kinds_of(names: tuple[str, ...] = ()) -> tuple[NamedKind, ...]:
     """The kinds of these names; for none all but laws that are only tried when asked for.
 
     Raises

@@ -187,7 +187,10 @@ class UnnamedKind:
     limits: ClassVar[tuple[Nested, ...]] = ()
 
 
-Kind: TypeAlias = ForceKind | AbstractFault | JointKind | ModeKind | UnnamedKind
+NamedKind: TypeAlias = ForceKind | AbstractFault | JointKind | ModeKind
+"""What the catalogue holds."""
+
+Kind: TypeAlias = NamedKind | UnnamedKind
 
 
 def missing(noun: str) -> str:

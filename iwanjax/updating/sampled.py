@@ -321,8 +321,8 @@ def _agreement(
         complete = projected.completed(theta, zeta)
         added = problem.background(complete) - problem.background(theta)
         df, dz = deviations(problem, f, zeta + added[problem.curve], weights)
-        sizes = [jnp.sqrt(jnp.sum(x**2)) for x in (df, dz)]
-        known = jnp.isfinite(sizes[0]) & jnp.isfinite(sizes[1])
-        return complete, *(jnp.where(known, x, jnp.inf) for x in sizes)
+        of_f, of_zeta = (jnp.sqrt(jnp.sum(x**2)) for x in (df, dz))
+        known = jnp.isfinite(of_f) & jnp.isfinite(of_zeta)
+        return complete, jnp.where(known, of_f, jnp.inf), jnp.where(known, of_zeta, jnp.inf)
 
     return jax.vmap(each)(theta, f, zeta)

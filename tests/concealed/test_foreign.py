@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from concealed.foreign import LAWS
+from concealed.foreign_places import LAWS
 
 AMPLITUDE, STEPS = 6e-4, 4000
 CONSERVATIVE = ("nonlinear_inertia", "tanh_spring")

@@ -1,5 +1,7 @@
 """A cantilever hit by a hammer: Euler and Bernoulli's elements, each mode integrated by SciPy."""
 
+from typing import Any
+
 import numpy as np
 import scipy.linalg
 import scipy.signal
@@ -55,7 +57,10 @@ def hits(random, *, repeats=2, noise=0.01):
             response = np.zeros((len(fine), len(SENSORS)))
             for k, zeta in enumerate(ZETA):
                 system = ([Phi[point, k], 0.0, 0.0], [1.0, 2 * zeta * omega[k], omega[k] ** 2])
-                b, a, _ = scipy.signal.cont2discrete(system, 1.0 / (RATE * FINE), method="foh")
+                discrete: Any = scipy.signal.cont2discrete(
+                    system, 1.0 / (RATE * FINE), method="foh"
+                )
+                b, a = discrete[:2]
                 response += np.outer(scipy.signal.lfilter(b.ravel(), a, force), Phi[:, k])
             response = scipy.signal.sosfiltfilt(low_pass, response, axis=0)[::FINE]
             force = scipy.signal.sosfiltfilt(low_pass, force)[::FINE]

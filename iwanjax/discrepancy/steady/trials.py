@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Generic, TypeVar
 
 from iwanjax.effects.catalogue import kinds_of
-from iwanjax.effects.kinds import ForceKind, JointKind, Kind
+from iwanjax.effects.kinds import ForceKind, JointKind, NamedKind
 from iwanjax.identification.steady.fit import Fit, best_of
 from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
 
@@ -22,12 +22,12 @@ def forces_of(hypotheses: tuple[str, ...], variants: bool) -> list[ForceKind]:
     return [force for force in forces if variants or not force.variant]
 
 
-def kinds_named(name: str, hypotheses: tuple[str, ...]) -> list[Kind]:
+def kinds_named(name: str, hypotheses: tuple[str, ...]) -> list[NamedKind]:
     """The kind of this name, if it is to be tried."""
     return [kind for kind in _beside_k(hypotheses) if kind.name == name]
 
 
-def _beside_k(hypotheses: tuple[str, ...]) -> list[Kind]:
+def _beside_k(hypotheses: tuple[str, ...]) -> list[NamedKind]:
     """Kinds of which K holds nothing: a joint on its own, or a mode, is fitted at every level."""
     return [kind for kind in kinds_of(hypotheses) if not getattr(kind, "within", False)]
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
-from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.effects.kinds import ForceKind, NamedKind
 from iwanjax.estimation.parameters import Chart, drawn
 from iwanjax.identification.steady.cycle import (
     AbstractActing,
@@ -189,7 +189,7 @@ def gives_energy(fit: ModeFit) -> bool:
 
 def fit_with_joint(
     alone: ModeFit,
-    kind: Kind,
+    kind: NamedKind,
     curves: Sequence[ModalCurves],
     sliders: Sequence[ModeFit],
     random: np.random.Generator,
@@ -203,7 +203,7 @@ def fit_with_joint(
     ----------
     alone : SteadyFit
         The joint alone.
-    kind : Kind
+    kind : NamedKind
         What another one is called.
     curves : sequence of ModalCurves
         Those that are fitted.
@@ -236,7 +236,7 @@ def fit_coupled(
     own: ModalProblem,
     joint: np.ndarray,
     draws: np.ndarray,
-    kind: Kind,
+    kind: NamedKind,
     interacting: InteractingMode,
 ) -> ModeFit | None:
     r"""The joint and another mode that moves it; None where that did not move at all.
@@ -260,7 +260,7 @@ def fit_coupled(
     draws : (starts, parameters) array
         Others to begin with: where the other mode moves the joint more than its own, the joint
         alone ends far from the truth.
-    kind : Kind
+    kind : NamedKind
         What it is called.
     interacting : InteractingMode
         The other mode.

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.correlation import correlation_time
 from iwanjax.effects.estimate import Estimate
-from iwanjax.effects.kinds import ForceKind, JointKind, Kind
+from iwanjax.effects.kinds import ForceKind, JointKind, NamedKind
 from iwanjax.estimation.evidence import linearised
 from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart
@@ -40,7 +40,7 @@ class PlacedEffect(NamedTuple):
 
     Attributes
     ----------
-    kind : Kind
+    kind : NamedKind
         Of the catalogue.
     shape : float
         Of a force that has one.
@@ -50,7 +50,7 @@ class PlacedEffect(NamedTuple):
         Beside a joint left out, a force that acts with it; the shape is its.
     """
 
-    kind: Kind
+    kind: NamedKind
     shape: float = 1.0
     where: str = ""
     force: ForceKind | None = None

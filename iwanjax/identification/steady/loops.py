@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.effects.kinds import ForceKind, NamedKind
 from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.identification.steady.fit import (
     AbstractEffectValues,
@@ -249,7 +249,7 @@ def loops_beside(
     return best_shape(kind, kind.shapes(Scales(loops.largest, 1.0)), at)
 
 
-def loops_with_joint(alone: LoopFit, kind: Kind, sliders: Sequence[LoopFit]) -> LoopFit:
+def loops_with_joint(alone: LoopFit, kind: NamedKind, sliders: Sequence[LoopFit]) -> LoopFit:
     """The joint and another one.
 
     From other joints of some strengths and slips, and from the sliders that were found beside
@@ -259,7 +259,7 @@ def loops_with_joint(alone: LoopFit, kind: Kind, sliders: Sequence[LoopFit]) -> 
     ----------
     alone : SteadyFit
         The joint alone.
-    kind : Kind
+    kind : NamedKind
         What another one is called.
     sliders : sequence of SteadyFit
         Those beside the joint, the best first.

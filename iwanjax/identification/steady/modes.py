@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.curves import ModalCurves
-from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.effects.kinds import ForceKind, NamedKind
 from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.identification.steady.curves import AbstractCurvesProblem, as_measured
@@ -241,7 +241,7 @@ def modes_beside(alone: ModesFit, score: ModesFit, draws: np.ndarray) -> ModesFi
 
 def modes_with_joint(
     alone: ModesFit,
-    kind: Kind,
+    kind: NamedKind,
     place: tuple[str, np.ndarray],
     curves: Sequence[ModalCurves],
     parameters: Sequence[Parameter],
@@ -257,7 +257,7 @@ def modes_with_joint(
     ----------
     alone : SteadyFit
         The structure's own joints.
-    kind : Kind
+    kind : NamedKind
         What another one is called.
     place : (str, (n,) array)
         Label and row.
