@@ -197,6 +197,7 @@ def read_study(path: str | Path) -> StudySetup:
     source = Source.read(Path(path))
     section = source.validated(StudySection, source.content)
     modal = modal_modes(source, section.model.modal or ())
+    _check_alone(source, section)
     asked = section.model.test
     test = None if asked is None else tested(source, asked, section.recordings)
     model, structure = (None, None) if modal else model_of(source, section.model, test)
@@ -205,20 +206,31 @@ def read_study(path: str | Path) -> StudySetup:
     setup, names = _setup(source, section, modal, model, structure, named)
     trust = section.model.trust
     known = None if test is None else test.trust
-    alone = not modal and not any(getattr(section.model, key) is not None for key in SOURCES)
-    for i, each in enumerate(section.recordings):
-        if alone and each.kind != "loop":
-            raise source.error(
-                ("recordings", i),
-                f"is of kind {each.kind}; joints alone have loops only: give model.file, "
-                "model.matrices or model.builder",
-            )
     return replace(
         setup,
         recordings=recording_entries(source, section.recordings, names),
         trust=known if trust is None else trust.checked(),
         test=test,
     )
+
+
+def _check_alone(source: Source, section: StudySection) -> None:
+    """Refuse joints without a structure in a study of anything but their loops."""
+    if any(getattr(section.model, key) is not None for key in SOURCES):
+        return
+    if not section.recordings:
+        raise source.error(
+            ("model",),
+            "got neither file nor matrices, builder, test or modal; joints alone need recordings "
+            "of kind loop",
+        )
+    for i, each in enumerate(section.recordings):
+        if each.kind != "loop":
+            raise source.error(
+                ("recordings", i),
+                f"is of kind {each.kind}; joints alone have loops only: give model.file, "
+                "model.matrices or model.builder",
+            )
 
 
 def given_study(

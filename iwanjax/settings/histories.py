@@ -65,6 +65,8 @@ class SelectionSettings:
         Of the observer on the way to the free run.
     nested_shares : tuple of float
         Shares of a law's own doing with which it is begun where it does what a simpler one does.
+    nothing_shares : tuple of float
+        Further ones where it does nothing: its own size may have been a blind guess.
     nested_give_up : float
         Times the best cost from which on simpler kinds, or those that contain them, are given up.
     """
@@ -91,6 +93,7 @@ class SelectionSettings:
     repeats: int = 3
     long_time_constant: float = 40.0
     nested_shares: tuple[float, ...] = (1e-1, 1e-2, 1e-3, 1e-4)
+    nothing_shares: tuple[float, ...] = (1e-8, 1e-12)
     nested_give_up: float = 1.5
 
 

@@ -29,7 +29,7 @@ from iwanjax.updating.structural import (
 )
 
 # Sets that are computed at once: beyond this, memory grows and speed does not.
-_AT_ONCE = 4096
+AT_ONCE = 4096
 # Rows of the table that a summary shows.
 _SHOWN = 8
 
@@ -303,7 +303,7 @@ def _quantile(p: Parameter, u: np.ndarray) -> np.ndarray:
 
 def _in_parts(draws: np.ndarray) -> list[np.ndarray]:
     """Draws in equal parts, the last one filled up with its last set: one compiled kernel."""
-    size = min(len(draws), _AT_ONCE)
+    size = min(len(draws), AT_ONCE)
     missing = -len(draws) % size
     filled = np.concatenate([draws, np.repeat(draws[-1:], missing, axis=0)])
     return np.split(filled, len(filled) // size)

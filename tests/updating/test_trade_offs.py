@@ -110,7 +110,7 @@ def test_no_sampled_set_beats_the_front_and_its_ends_are_single_fits(sampled):
 
 
 def test_parts_of_a_large_batch_change_no_number(system, curves, sampled, monkeypatch):
-    monkeypatch.setattr("iwanjax.updating.sampled._AT_ONCE", 50)
+    monkeypatch.setattr("iwanjax.updating.sampled.AT_ONCE", 50)
     again = ij.sample_fits(system, curves, SETS, fixed=["J1.K_T"], weights=[1.0, 0.1])
     np.testing.assert_allclose(again.frequency_rmsd, sampled.frequency_rmsd, rtol=1e-9)
     np.testing.assert_array_equal(again.front, sampled.front)

@@ -241,7 +241,11 @@ def diagnose_histories(
             failures,
         )
         comparable = [entry for entry in table.entries if entry.problem is problem]
-        if what and comparable and comparable[0] is shown:
+        if beyond is not None:
+            # Whatever law is suspected there, the force is that of the place.
+            there = beyond.force.where
+            comparable = [e for e in comparable if e.fitted.hypothesis.where[0] == there]
+        if what and comparable and (beyond is not None or comparable[0] is shown):
             others = [entry.fitted for entry in comparable[1:]]
             restoring = attempted(
                 "recovering the restoring force",

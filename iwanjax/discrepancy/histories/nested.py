@@ -227,7 +227,11 @@ def widened(
     held = holding(entry.fitted.hypothesis, simpler.fitted.hypothesis)
     if held is None:
         return []
-    shares = base.settings.selection.nested_shares
+    known = base.settings.selection
+    # A joint's own fault has no size that was guessed.
+    joint = any(isinstance(kind, JointKind) for kind in entry.fitted.hypothesis.kinds)
+    guessed = not (simpler.fitted.hypothesis.kinds or joint)
+    shares = known.nested_shares + known.nothing_shares * guessed
     made = (_start(entry, simpler, held, share, scope, base) for share in shares)
     return [each for each in made if each is not None]
 

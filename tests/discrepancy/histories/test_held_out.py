@@ -80,7 +80,9 @@ def loosening(monkeypatch):
     """A joint of four parameters whose F_S and K_T drift over recordings 0, 1 and 3 of a study."""
     hypothesis = SimpleNamespace(drifting=0, sizes=(False,), shapes=(False,))
     parameters = [SimpleNamespace(name=name) for name in ("F_S", "K_T", "chi", "beta")]
-    joint = SimpleNamespace(given=SimpleNamespace(parameters=parameters))
+    joint = SimpleNamespace(
+        given=SimpleNamespace(parameters=parameters), least=np.full(len(parameters), -np.inf)
+    )
     problem = SimpleNamespace(
         parameters=4,
         predictor=SimpleNamespace(errors=0),
