@@ -112,7 +112,7 @@ def converged(system: System, force: Array, dt: float) -> Converged:
         steps *= 2
         after = _kicked(system, force, dt, steps)
         change = max(distance(before, after))
-        if change <= CONVERGED or steps * SAMPLES > 3e6:
+        if change <= CONVERGED or steps * SAMPLES > 3e7:
             return Converged(after.displacement, after.velocity, after.reach, change)
         before = after
 
