@@ -71,7 +71,7 @@ def hysteresis(
             "between two values"
         )
     step = as_real(1.0 if dt is None else dt, "dt")
-    known = dt is None or is_traced(dt) or bool(jnp.all(step > 0))
+    known = dt is None or is_traced(dt) or bool(np.all(np.asarray(dt) > 0))
     if step.shape not in ((), d.shape) or not known:
         raise InputError(f"hysteresis: dt = {dt}; expected a positive number, or one of each value")
     rows, steps = (x.reshape(-1, d.shape[-1]) for x in (d, jnp.broadcast_to(step, d.shape)))

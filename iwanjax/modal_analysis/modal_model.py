@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart
 from iwanjax.estimation.problem import AbstractLeastSquares, residuals_and_slopes
 
@@ -180,6 +179,9 @@ class FittedModes(NamedTuple):
 
 def fitted(model: ModalModel, begin: ModalTerms) -> FittedModes:
     """Least squares from a start, with the covariance of its end."""
+    # Here, because it loads the optimisers, which figures and study files do not need.
+    from iwanjax.estimation.least_squares import least_squares
+
     theta = model.parameters(begin)
     _, slopes = residuals_and_slopes(model, theta)
     size = jnp.linalg.norm(slopes, axis=0)

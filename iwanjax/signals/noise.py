@@ -221,7 +221,8 @@ def in_bands(
 
 def _as_many(square: np.ndarray) -> np.ndarray:
     """Of how many equal ones a mean of squares, (parts, ...), is as sure (Satterthwaite 1946)."""
-    return np.sum(square, axis=0) ** 2 / np.sum(square**2, axis=0)
+    whole, squares = np.sum(square, axis=0) ** 2, np.sum(square**2, axis=0)
+    return np.divide(whole, squares, out=np.full_like(whole, len(square)), where=squares > 0.0)
 
 
 def _quietest(level: np.ndarray, each: float, flat: float) -> NoiseLevel:
