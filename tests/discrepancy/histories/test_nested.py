@@ -151,7 +151,9 @@ def test_a_law_is_begun_where_it_predicts_what_one_that_it_contains_does(searche
     large = begun(searched, *whole)
     small = begun(searched, *part, stiffness=-5e3 if within else 5e3)
     starts = widened(large, small, scope, problem)
-    assert len(starts) in (4, 6)
+    # Doing nothing at all is tried with smaller shares, but for a joint's own fault.
+    guessed = not part and not {"stiction", "iwan_joint", "joint_drift"} & set(whole)
+    assert len(starts) == (6 if guessed else 4)
     assert all(start.hypothesis.label == large.fitted.hypothesis.label for _, start in starts)
     off = [
         np.linalg.norm(seen - small.fitted.residual)
