@@ -8,8 +8,11 @@ from pathlib import Path
 
 # JAX reads this when it is imported; a GPU in the machine must not change what the tests see.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
-# Where the command line keeps compiled kernels: not in anybody's home, but shared by the tests.
+# Where the command line keeps compiled kernels: not in anybody's home, but shared by the tests, by
+# both of their processes and by the notebooks' kernels, of which many compile the same.
 os.environ.setdefault("IWANJAX_CACHE", str(Path(tempfile.gettempdir()) / "iwanjax-test-kernels"))
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", os.environ["IWANJAX_CACHE"])
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 import hypothesis
 import jax

@@ -1,3 +1,5 @@
+import contextlib
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,11 +10,23 @@ from iwanjax.kernels import Kept
 
 @pytest.fixture
 def folder(tmp_path):
-    """An empty place for kernels."""
-    before = jax.config.values["jax_compilation_cache_dir"]
-    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
-    yield tmp_path
-    jax.config.update("jax_compilation_cache_dir", before)
+    """An empty place for kernels, in which the compiler's own cache keeps none of these."""
+    with replaced("jax_compilation_cache_dir", str(tmp_path)), replaced(LEAST, 60.0):
+        yield tmp_path
+
+
+LEAST = "jax_persistent_cache_min_compile_time_secs"
+
+
+@contextlib.contextmanager
+def replaced(name, value):
+    """Another value of one of JAX's settings."""
+    before = jax.config.values[name]
+    jax.config.update(name, value)
+    try:
+        yield
+    finally:
+        jax.config.update(name, before)
 
 
 def traced(name=lambda *arguments: "a"):
@@ -83,18 +97,14 @@ def test_without_a_name_nothing_is_kept(folder):
 
 
 def test_without_a_place_for_it_a_kernel_is_made_all_the_same(folder):
-    jax.config.update("jax_compilation_cache_dir", str(folder / "missing"))
-    kept, _ = traced()
-    np.testing.assert_allclose(kept(X, 2.0)[0], np.sin(X) * 2.0)
-    jax.config.update("jax_compilation_cache_dir", None)
-    np.testing.assert_allclose(traced()[0](X, 2.0)[0], np.sin(X) * 2.0)
+    for place in (str(folder / "missing"), None):
+        with replaced("jax_compilation_cache_dir", place):
+            np.testing.assert_allclose(traced()[0](X, 2.0)[0], np.sin(X) * 2.0)
 
 
 def test_what_came_from_the_compilers_own_cache_is_made_again_or_runs(folder):
     """A kernel that JAX has loaded itself loses its functions when it is kept a second time."""
-    least = jax.config.values["jax_persistent_cache_min_compile_time_secs"]
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    try:
+    with replaced(LEAST, 0.0):
         traced()[0](X, 2.0)
         for _ in range(2):
             for place in kernels(folder):
@@ -102,5 +112,3 @@ def test_what_came_from_the_compilers_own_cache_is_made_again_or_runs(folder):
             jax.clear_caches()
             for _ in range(2):
                 np.testing.assert_allclose(traced()[0](X, 2.0)[0], np.sin(X) * 2.0)
-    finally:
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", least)
