@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from dynamics.test_step_length import Mistaken
 from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.dynamics import half_sine, modal_input, ramp, sine, sweep
+from iwanjax.joints import JOINTS
 
 STEP, SAMPLES = 0.05, 121
 TIME = STEP * np.arange(SAMPLES)
@@ -446,3 +448,19 @@ def test_a_step_that_is_too_long_is_shortened_or_refused(study, tmp_path):
     asked = hopeless.replace("dt: 400", "dt: 400\n    accuracy: null")
     result, told, _ = simulated(study(asked), tmp_path / "asked")
     assert told["cases"][0]["estimated_error"] is None
+
+
+@pytest.mark.long
+def test_energy_that_is_missing_ends_the_command(study, tmp_path, monkeypatch):
+    monkeypatch.setitem(JOINTS, "mistaken", Mistaken)
+    joint = "{name: J1, type: mistaken, parameters: {k3: 1}}"
+    text = STUDY.replace(
+        "{builder: three_mass, options: {zeta: 1e-3}}",
+        f"{{builder: oscillator, options: {{stiffness: 1}}, joints: [{joint}]}}",
+    ).replace("input: u2", "input: u1")
+    result = run(study(text), tmp_path / "out")
+    assert (result.exit_code, result.stdout) == (2, "")
+    (said,) = result.stderr.splitlines()
+    assert "study.yaml:4: simulate[0]" in said
+    assert "% of the energy is missing" in said
+    assert not (tmp_path / "out").exists()

@@ -1,16 +1,21 @@
 """A size that is not determined is no suspect."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from struck_mass import JOINT, RATE, resolution, struck
 
+from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT
 from iwanjax.discrepancy.steady.verdict import Ranking
 from iwanjax.effects.catalogue import CATALOGUE
-from iwanjax.identification import estimates
+from iwanjax.identification import estimates, hypotheses
 from iwanjax.identification.estimates import determined
+from iwanjax.identification.multistart import multistart
 from iwanjax.identification.parameter_map import ParameterMap
+from iwanjax.identification.recordings import StudyRecording
 from iwanjax.identification.steady.fit import PlacedEffect
 
 SEARCH = SimpleNamespace(parameters=0, map=ParameterMap(0), recordings=1, directions=0, order=(0,))
@@ -39,6 +44,26 @@ def known(monkeypatch):
 def test_a_gain_within_its_deviation_of_none_is_no_suspect(known, gain, std, sure):
     known([[std**2]])
     assert determined(SEARCH, fitted("sensor_gain", [gain, 0.0])) == sure
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_a_gain_has_no_size_in_a_free_decay(free):
+    """A sensor that shows 0.87 of the motion: known by the force, and by nothing without it."""
+    response = 0.87 * struck(lambda d: 0.0)
+    noise = 1e-3 * np.std(response) * np.random.default_rng(0).standard_normal(response.shape)
+    shown = resolution(response + noise, replace(JOINT, F_S=1e7), names=("sensor_gain",))
+    if free:
+        # From after the blow on, the state then unknown.
+        decay = StudyRecording("decay", (response + noise)[int(0.08 * RATE) :], None)
+        shown = replace(shown, recordings=[decay])
+    problem = shown.of_model().problem
+    (gain,) = CATALOGUE["sensor_gain"]
+    start = hypotheses.sensor(problem, gain, 0, "a1", np.zeros(problem.parameters), -0.1)
+    (found,) = multistart(problem, [start], TIME_CONSTANT, 12)
+    (size,) = estimates.estimates(problem, found, 0)
+    assert determined(problem, found) != free
+    assert (size.std > abs(size.value)) == free
+    assert free or size.value == pytest.approx(-0.13, abs=0.002)
 
 
 @pytest.mark.parametrize(("std", "sure"), [(0.1, True), (1.0, False)])

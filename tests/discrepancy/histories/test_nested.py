@@ -12,7 +12,7 @@ from struck_mass import JOINT, searching, struck
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
-from iwanjax.effects.catalogue import kinds_of
+from iwanjax.effects.catalogue import CATALOGUE, kinds_of
 from iwanjax.effects.faults import AbstractFault, AbstractForceFault, AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.effects.nested import Nested
@@ -31,7 +31,15 @@ from iwanjax.identification.multistart import multistart
 from iwanjax.identification.problem import Start
 from iwanjax.joints import Scales
 
-KINDS = {f"{kind.name} {getattr(kind, 'variant', '')}".strip(): kind for kind in kinds_of()}
+
+def _key_of(kind: Kind) -> str:
+    """Name and variant."""
+    return f"{kind.name} {getattr(kind, 'variant', '')}".strip()
+
+
+KINDS = {_key_of(kind): kind for kind in kinds_of()}
+# Those too that are tried only where they are named.
+ALL = {_key_of(kind): kind for kinds in CATALOGUE.values() for kind in kinds}
 
 
 def _limits(kind: Kind) -> tuple[Nested, ...]:
@@ -45,7 +53,7 @@ def _key(nested: Nested) -> str:
 
 LAWS = [
     pytest.param(kind, nested, id=f"{name}, {nested.name}")
-    for name, kind in KINDS.items()
+    for name, kind in ALL.items()
     for nested in _limits(kind)
 ]
 # One set of kernels serves all searches.
