@@ -145,7 +145,7 @@ def diagnose_curves(
     trials.fit(
         kinds_named("iwan_joint", hypotheses),
         lambda _: "with a joint left out",
-        lambda more: fit_with_joint(alone, more, doubted, trials.sliders(), random),
+        lambda more: fit_with_joint(alone, more, doubted, trials.contained(more), random),
     )
     by_itself = base
     if estimator_curves:

@@ -16,6 +16,7 @@ from iwanjax.identification.steady.loops import (
     driven,
     loops_alone,
     loops_beside,
+    loops_from_within,
     loops_with_joint,
     noise_of,
 )
@@ -123,10 +124,11 @@ def diagnose_loops(
     if not math.isfinite(alone.cost):
         raise InputError(f"diagnose_loops: {name}: no start gave finite forces")
     trials.fit_forces(forces, lambda force: loops_beside(alone, force, draws, random))
+    trials.none_worse(loops_from_within)
     trials.fit(
         more,
         lambda _: "with a joint left out",
-        lambda more: loops_with_joint(alone, more, trials.sliders()),
+        lambda more: loops_with_joint(alone, more, trials.contained(more)),
     )
     whole = driven(together, deviations, len(several), at_rest, math.inf)
 

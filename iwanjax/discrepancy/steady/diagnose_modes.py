@@ -19,6 +19,7 @@ from iwanjax.identification.steady.modes import (
     ModesFit,
     modes_alone,
     modes_beside,
+    modes_from_within,
     modes_with_joint,
     scored,
 )
@@ -141,12 +142,13 @@ def diagnose_modes(
         lambda score: f"with {_effect(score).kind.name} at {_effect(score).where}",
         lambda score: modes_beside(alone, score, draws),
     )
+    trials.none_worse(modes_from_within)
     for more in kinds_named("iwan_joint", hypotheses):
         trials.fit(
             _joint_places(places, scores),
             lambda place: f"with a joint left out at {place[0]}",
             lambda place, more=more: modes_with_joint(
-                alone, more, place, several, row, groups, trials.sliders(place[0])
+                alone, more, place, several, row, groups, trials.contained(more, place[0])
             ),
         )
 

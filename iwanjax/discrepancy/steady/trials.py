@@ -7,8 +7,7 @@ from typing import Generic, TypeVar
 
 from iwanjax.effects.catalogue import kinds_of
 from iwanjax.effects.kinds import ForceKind, JointKind, NamedKind
-from iwanjax.identification.steady.fit import Fit, best_of
-from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
+from iwanjax.identification.steady.fit import Fit, at_a_limit, best_of
 
 T = TypeVar("T")
 
@@ -100,14 +99,35 @@ class Trials(Generic[Fit]):
         ]
         return best_of(those) if those else None
 
-    def sliders(self, where: str = "") -> list[Fit]:
-        """Fits of a slider at a place, the best first: a limit of a joint left out."""
+    def contained(self, kind: NamedKind, where: str = "") -> list[Fit]:
+        """Fits at a place of what a kind has for a limit, the best first."""
         those = [
             fit
             for fit in self.found
-            if (effect := fit.effect) is not None
-            and effect.where == where
-            and isinstance(effect.kind, ForceKind)
-            and effect.kind.law is SLIDING_AT_ONCE.law
+            if fit.effect is not None
+            and fit.effect.where == where
+            and at_a_limit(kind, fit, 1.0, 1.0) is not None
         ]
         return sorted(those, key=lambda each: each.cost)
+
+    def none_worse(self, begun: Callable[[Fit, ForceKind], Fit | None]) -> None:
+        """Forces again from the best of what each contains, where that fits better.
+
+        On its own a search may end in a local minimum, whose evidence is not the law's.
+
+        Parameters
+        ----------
+        begun : function
+            The fit of what is contained, and what contains it -> a fit of this.
+        """
+        for i, fit in enumerate(self.found):
+            if fit.effect is None or not isinstance(kind := fit.effect.kind, ForceKind):
+                continue
+            better = [
+                each for each in self.contained(kind, fit.effect.where)[:1] if each.cost < fit.cost
+            ]
+            for simpler in self.in_time(
+                better, lambda _: f"with {kind.name} from what it contains"
+            ):
+                again = begun(simpler, kind)
+                self.found[i] = fit if again is None else best_of([fit, again])

@@ -29,7 +29,7 @@ from iwanjax.identification.steady.fit import (
     PlacedEffect,
     Size,
     SteadyFit,
-    as_slider,
+    as_joint,
     best_of,
     joints_to_begin_with,
     searched,
@@ -191,7 +191,7 @@ def fit_with_joint(
     alone: ModeFit,
     kind: NamedKind,
     curves: Sequence[ModalCurves],
-    sliders: Sequence[ModeFit],
+    limits: Sequence[ModeFit],
     random: np.random.Generator,
 ) -> ModeFit:
     """The joint and another one.
@@ -207,7 +207,7 @@ def fit_with_joint(
         What another one is called.
     curves : sequence of ModalCurves
         Those that are fitted.
-    sliders : sequence of SteadyFit
+    limits : sequence of SteadyFit
         Those beside the joint, the best first.
     random : Generator
         Of the starts.
@@ -225,9 +225,9 @@ def fit_with_joint(
     strengths = np.resize(known.strengths, known.starts)[:, None]
     others = np.where([name in ("F_S", "K_T") for name in own.names[2:]], strengths, 1.0) * others
     starts = np.column_stack([np.tile(alone.theta[:-1], (known.starts, 1)), others])
-    runs = known.joint_runs
-    for i, fit in enumerate(sliders[: runs - 1]):
-        starts[-1 - i * known.starts // runs] = np.append(_stuck(fit), as_slider(fit))
+    runs, largest = known.joint_runs, float(np.max(base.measured.q))
+    for i, fit in enumerate(limits[: runs - 1]):
+        starts[-1 - i * known.starts // runs] = np.append(_stuck(fit), as_joint(kind, fit, largest))
     return searched(PlacedEffect(kind), problem, starts, runs)
 
 

@@ -25,8 +25,8 @@ from iwanjax.estimation.problem import (
 )
 from iwanjax.estimation.settings import SEARCH
 from iwanjax.joints import ParameterInfo, Scales
+from iwanjax.joints.force_law import Values
 from iwanjax.joints.iwan import IWAN_PARAMETERS
-from iwanjax.joints.iwan4 import SLIDING_AT_ONCE
 from iwanjax.settings.stages import settings
 
 JOINT_VALUES = len(IWAN_PARAMETERS)
@@ -356,12 +356,39 @@ def with_sizes(
     return np.column_stack([joints, np.abs(sizes) if kind.positive else sizes])
 
 
-def as_slider(fit: AnyFit) -> np.ndarray:
-    """Parameters of the joint that a fit's slider is the limit of."""
-    assert fit.effect is not None
-    k, slip = float(fit.values[0]), fit.effect.shape
-    share = settings().steady.at_once
-    return np.array(SLIDING_AT_ONCE.widened((k, slip), Scales(slip, 1.0), share))
+def at_a_limit(kind: NamedKind, simpler: AnyFit, largest: float, share: float) -> Values | None:
+    """Values at which a kind does what a fit's force does, but for a share; None if it cannot.
+
+    Parameters
+    ----------
+    kind : NamedKind
+        Another one.
+    simpler : SteadyFit
+        Of a force.
+    largest : float
+        Deflection.
+    share : float
+        Of the kind's range that is left to its end.
+    """
+    effect = simpler.effect
+    if effect is None or effect.force is not None:
+        return None
+    size = float(simpler.values[0])
+    values = (size,) if effect.shape_info is None else (size, effect.shape)
+    for nested in getattr(kind, "limits", ()):
+        if nested.means(effect.kind):
+            there = nested.widened(values, Scales(largest, 1.0), share)
+            # A joint, and most forces, cannot be of negative size.
+            positive = isinstance(kind, JointKind) or getattr(kind, "positive", False)
+            return there if there[0] > 0.0 or not positive else None
+    return None
+
+
+def as_joint(kind: NamedKind, simpler: AnyFit, largest: float) -> np.ndarray:
+    """Parameters of a joint that does nearly what a fit's force does, which it has for a limit."""
+    values = at_a_limit(kind, simpler, largest, settings().steady.at_once)
+    assert values is not None
+    return np.array(values)
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:

@@ -20,12 +20,12 @@ from iwanjax.identification.steady.fit import (
     PlacedEffect,
     Size,
     SteadyFit,
-    as_slider,
+    as_joint,
     joints_to_begin_with,
     searched,
     with_sizes,
 )
-from iwanjax.identification.steady.shapes import best_shape
+from iwanjax.identification.steady.shapes import best_shape, from_within
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion, Scales
 from iwanjax.joints.hysteresis import hysteresis
@@ -236,24 +236,45 @@ def loops_beside(
 
     def at(shape: float) -> LoopFit | None:
         effect = PlacedEffect(kind, shape)
-        unit = unit_of(effect, loops)
-        most = float(jnp.max(jnp.abs(unit)))
-        if most == 0.0:
+        problem = _with_force(alone.problem, effect)
+        if problem is None:
             return None
-        largest = float(jnp.max(jnp.abs(loops.force))) / most
-        size = Size(jnp.asarray(largest), jnp.asarray(float(kind.positive)))
-        problem = eqx.tree_at(lambda p: (p.unit, p.beside), alone.problem, (unit, size))
-        starts = with_sizes(few, kind, largest, random)
+        starts = with_sizes(few, kind, float(problem.beside.scale), random)
         return searched(effect, problem, starts, settings().steady.loop_runs)
 
     return best_shape(kind, kind.shapes(Scales(loops.largest, 1.0)), at)
 
 
-def loops_with_joint(alone: LoopFit, kind: NamedKind, sliders: Sequence[LoopFit]) -> LoopFit:
+def loops_from_within(simpler: LoopFit, kind: ForceKind) -> LoopFit | None:
+    """The joint and a force, from a fit of a simpler one that the force contains."""
+
+    def at(shape: float, start: np.ndarray) -> LoopFit | None:
+        effect = PlacedEffect(kind, shape)
+        problem = _with_force(simpler.problem, effect)
+        if problem is None:
+            return None
+        return searched(effect, problem, start[None], settings().steady.loop_runs)
+
+    return from_within(simpler, kind, simpler.problem.loops.largest, at)
+
+
+def _with_force(base: LoopProblem, effect: PlacedEffect) -> LoopProblem | None:
+    """The joint and a force of some shape; None where it does nothing."""
+    unit = unit_of(effect, base.loops)
+    most = float(jnp.max(jnp.abs(unit)))
+    if most == 0.0:
+        return None
+    largest = float(jnp.max(jnp.abs(base.loops.force))) / most
+    positive = isinstance(effect.kind, ForceKind) and effect.kind.positive
+    size = Size(jnp.asarray(largest), jnp.asarray(float(positive)))
+    return eqx.tree_at(lambda p: (p.unit, p.beside), base, (unit, size))
+
+
+def loops_with_joint(alone: LoopFit, kind: NamedKind, limits: Sequence[LoopFit]) -> LoopFit:
     """The joint and another one.
 
-    From other joints of some strengths and slips, and from the sliders that were found beside
-    the joint: what a joint has for its limit never fits better than it.
+    From other joints of some strengths and slips, and from the sliders and springs that were
+    found beside the joint: what a joint has for its limit never fits better than it.
 
     Parameters
     ----------
@@ -261,7 +282,7 @@ def loops_with_joint(alone: LoopFit, kind: NamedKind, sliders: Sequence[LoopFit]
         The joint alone.
     kind : NamedKind
         What another one is called.
-    sliders : sequence of SteadyFit
+    limits : sequence of SteadyFit
         Those beside the joint, the best first.
     """
     base, known = alone.problem, settings().steady
@@ -281,8 +302,8 @@ def loops_with_joint(alone: LoopFit, kind: NamedKind, sliders: Sequence[LoopFit]
         for share, slip in itertools.product(known.loop_shares, known.loop_slips)
     ]
     starts = [np.append(alone.theta[:-1], other) for other in others]
-    for fit in sliders[: known.loop_joint_runs - 1]:
-        starts.insert(0, np.append(fit.theta[:-1], as_slider(fit)))
+    for fit in limits[: known.loop_joint_runs - 1]:
+        starts.insert(0, np.append(fit.theta[:-1], as_joint(kind, fit, deflection)))
     rows = np.resize(np.array(starts), (known.starts, len(starts[0])))
     return searched(PlacedEffect(kind), problem, rows, known.loop_joint_runs)
 

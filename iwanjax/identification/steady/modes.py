@@ -24,10 +24,10 @@ from iwanjax.identification.steady.fit import (
     PlacedEffect,
     Size,
     SteadyFit,
-    as_slider,
+    as_joint,
     searched,
 )
-from iwanjax.identification.steady.shapes import best_shape, best_shape_near
+from iwanjax.identification.steady.shapes import best_shape, best_shape_near, from_within
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.quasistatic.modal import Beside, about
@@ -239,6 +239,20 @@ def modes_beside(alone: ModesFit, score: ModesFit, draws: np.ndarray) -> ModesFi
     return first if effect.shape_info is None else best_shape_near(first, at)
 
 
+def modes_from_within(simpler: ModesFit, kind: ForceKind) -> ModesFit | None:
+    """The joints and a force, from a fit of a simpler one at its place that the force contains."""
+    effect, problem = simpler.effect, simpler.problem
+    assert effect is not None
+
+    def at(shape: float, start: np.ndarray) -> ModesFit:
+        other = PlacedEffect(kind, shape, effect.where)
+        size = Size(jnp.asarray(abs(start[-1])), jnp.asarray(float(kind.positive)))
+        there = eqx.tree_at(lambda p: p.beside, problem.reshaped(other), size)
+        return _searched(other, there, start[None])
+
+    return from_within(simpler, kind, float(jnp.exp(jnp.max(problem.level))), at)
+
+
 def modes_with_joint(
     alone: ModesFit,
     kind: NamedKind,
@@ -246,12 +260,12 @@ def modes_with_joint(
     curves: Sequence[ModalCurves],
     parameters: Sequence[Parameter],
     groups: Mapping[str, Sequence[str]] | None,
-    sliders: Sequence[ModesFit],
+    limits: Sequence[ModesFit],
 ) -> ModesFit | None:
     """The structure with another joint at a place; None where its modes do not move it.
 
-    From joints of some strengths and slips, and from the sliders that were found there: what a
-    joint has for its limit never fits better than it.
+    From joints of some strengths and slips, and from the sliders and springs that were found
+    there: what a joint has for its limit never fits better than it.
 
     Parameters
     ----------
@@ -267,7 +281,7 @@ def modes_with_joint(
         Of the structure's own joints.
     groups : mapping, optional
         Joints that share their parameters.
-    sliders : sequence of SteadyFit
+    limits : sequence of SteadyFit
         Those at the place, the best first.
     """
     label, row = place
@@ -282,7 +296,8 @@ def modes_with_joint(
         _joint(stiffness * k, max(largest) * slip)
         for k, slip in itertools.product(known.stiffnesses, known.slips)
     ]
-    starts = np.array([*map(as_slider, sliders[:2]), *guesses][: known.mode_starts])
+    known_ones = [as_joint(kind, fit, max(largest)) for fit in limits[:2]]
+    starts = np.array([*known_ones, *guesses][: known.mode_starts])
     # Its parameters are the last of the joints', before the modes' damping.
     first = len(parameters) - len(base.modes)
     others = np.tile(alone.theta[:-1], (len(starts), 1))

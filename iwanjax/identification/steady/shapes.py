@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from iwanjax.effects.kinds import ForceKind
-from iwanjax.identification.steady.fit import AnyFit, Fit, best_of
+from iwanjax.identification.steady.fit import AnyFit, Fit, at_a_limit, best_of
 from iwanjax.settings.stages import settings
 
 
@@ -39,6 +39,35 @@ def best_shape(
 def best_shape_near(fit: Fit, at: Callable[[float], Fit | None]) -> Fit:
     """The best of a fit and others with shapes near to its own."""
     return best_of(_lowest([fit, *_neighbours(fit, settings().steady.near, at)], at))
+
+
+def from_within(
+    simpler: Fit, kind: ForceKind, largest: float, at: Callable[[float, np.ndarray], Fit | None]
+) -> Fit | None:
+    """A force from where it does what a simpler one does; None where it does not contain that.
+
+    Parameters
+    ----------
+    simpler : SteadyFit
+        Of the force that it contains.
+    kind : ForceKind
+        The force.
+    largest : float
+        Deflection.
+    at : function
+        Shape, starting values -> the fit; None where that does not show.
+    """
+    known, found = settings().steady, []
+    for share in (known.at_once, known.negligible):
+        values = at_a_limit(kind, simpler, largest, share)
+        if values is not None:
+            size, shape = values
+            found.append(at(shape, np.append(simpler.theta[:-1], size)))
+    seen = [each for each in found if each is not None]
+    if not seen:
+        return None
+    best = best_of(seen)
+    return best_shape_near(best, lambda shape: at(shape, best.theta))
 
 
 def _neighbours(fit: Fit, factor: float, at: Callable[[float], Fit | None]) -> list[Fit]:

@@ -77,6 +77,25 @@ def test_a_slider_beside_it_is_found_with_its_slip():
     assert shape.value == pytest.approx(0.1 * PHI, rel=0.1)
 
 
+def test_what_contains_the_law_that_is_missing_fits_no_worse():
+    """A spring: a gap of no width, and a slider that never slips, which left twice as much.
+
+    What is between them is the price of one number more, ln(N)/2.
+    """
+    random, several = np.random.default_rng(1), []
+    for i, levels in enumerate(LEVELS):
+        d = path(levels)
+        force = stretched(d, SLIP, STIFFNESS) + 0.1 * K_T * d
+        several.append(ij.ForceLoop(d, force + 0.02 * random.standard_normal(d.size), f"loop{i}"))
+    tried = ("stiffness_error", "gap_contact", "coulomb_friction")
+    told = diagnose_loops(GUESS, several[:2], several[2], name="J1", hypotheses=tried)
+    evidence = {each.label: each.log_evidence for each in told.what if not each.kind.variant}
+    best = evidence.pop("stiffness_error@J1")
+    price = 0.5 * np.log(sum(each.d.size for each in several[:2]))
+    assert set(evidence) == {f"{kind}@J1" for kind in tried[1:]}
+    assert min(evidence.values()) == pytest.approx(best - price, abs=1.0)
+
+
 def test_what_nothing_that_was_tried_explains_leaves_the_verdict_undecided():
     several = loops("cubic_stiffness")
     tried = ("stiffness_error", "bilinear_stiffness")
