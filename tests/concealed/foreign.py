@@ -52,6 +52,8 @@ CASES = {
         "chain3", "rubbing_freeplay", "m3-ground", lambda k, d, v: (0.8 * k, 0.3 * d, 0.04 * k * d)
     ),
     "squeezed": Foreign("chain6", "squeezed_damper", "m5-ground", lambda k, d, v: (k / d / v,)),
+    # A third of the mass that vibrates there, at the largest deflection.
+    "inertia": Foreign("chain6", "growing_inertia", "m3-ground", lambda k, d, v: (0.3 * k / v**2,)),
 }
 
 

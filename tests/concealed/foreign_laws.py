@@ -3,7 +3,7 @@
 Every law is integrated as its equations say, in the steps of `physics.march`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from concealed.effects import Effect
@@ -12,18 +12,37 @@ from concealed.structures import Array
 Law = Callable[[Array, Array], Array]
 """Force of a local element per recording, from its deflection and rate per recording."""
 
-PARAMETERS = {
-    "softening": ("k", "width"),  # k width tanh(d / width)
-    "root_damper": ("c", "rest"),  # c v / sqrt(|v| + rest)
-    "smooth_hysteresis": ("k", "slip", "n"),  # Bouc and Wen
-    "bristles": ("s0", "s1", "s2", "Fc", "Fs", "vs"),  # Canudas de Wit et al. (1995), LuGre
-    "rubbing_freeplay": ("k", "gap", "F"),  # a clearance, and dry friction in it
-    "squeezed_damper": ("c",),  # c d^2 v
-}
+
+def _softening(dt: float, k: Array, width: Array) -> Law:
+    """A spring that softens to a limit."""
+    return lambda d, v: k * width * np.tanh(d / width)
 
 
-def _smooth_hysteresis(k: Array, slip: Array, n: Array) -> Law:
-    """By the classical Runge-Kutta rule over each step, which no turn of z interrupts but once."""
+def _root_damper(dt: float, c: Array, rest: Array) -> Law:
+    """By the root of the rate, smooth about a low one."""
+    return lambda d, v: c * v / np.sqrt(np.abs(v) + rest)
+
+
+def _squeezed_damper(dt: float, c: Array) -> Law:
+    """A damper that grows with the square of the deflection."""
+    return lambda d, v: c * d**2 * v
+
+
+def _growing_inertia(dt: float, m: Array) -> Law:
+    """Of a mass m d^2: the force m (d^2 a + d v^2), by d/dt (d^2 v) - d v^2."""
+    last = np.zeros_like(m)
+
+    def force(d: Array, v: Array) -> Array:
+        momentum = m * d**2 * v
+        found = (momentum - last) / dt - m * d * v**2
+        last[:] = momentum
+        return found
+
+    return force
+
+
+def _smooth_hysteresis(dt: float, k: Array, slip: Array, n: Array) -> Law:
+    """Bouc and Wen's, by Runge and Kutta's rule over each step, in which z turns once at most."""
     z, last = np.zeros_like(k), np.zeros_like(k)
 
     def rate(z: Array, moved: Array) -> Array:
@@ -42,7 +61,10 @@ def _smooth_hysteresis(k: Array, slip: Array, n: Array) -> Law:
 
 
 def _bristles(dt: float, s0: Array, s1: Array, s2: Array, *friction: Array) -> Law:
-    """Exact for a rate that is even over a step: the mean of those at its ends."""
+    """LuGre friction (Canudas de Wit et al. 1995): s0, s1, s2, then Fc, Fs and vs.
+
+    Exact for a rate that is even over a step: the mean of those at its ends.
+    """
     Fc, Fs, vs = friction
     z, before = np.zeros_like(s0), np.zeros_like(s0)
 
@@ -57,7 +79,8 @@ def _bristles(dt: float, s0: Array, s1: Array, s2: Array, *friction: Array) -> L
     return force
 
 
-def _rubbing_freeplay(k: Array, gap: Array, F: Array) -> Law:
+def _rubbing_freeplay(dt: float, k: Array, gap: Array, F: Array) -> Law:
+    """A clearance, and dry friction in it."""
     stretch, last, slip = np.zeros_like(k), np.zeros_like(k), F / k
 
     def force(d: Array, v: Array) -> Array:
@@ -68,20 +91,19 @@ def _rubbing_freeplay(k: Array, gap: Array, F: Array) -> Law:
     return force
 
 
+LAWS: Mapping[str, Callable[..., Law]] = {
+    "softening": _softening,
+    "root_damper": _root_damper,
+    "smooth_hysteresis": _smooth_hysteresis,
+    "bristles": _bristles,
+    "rubbing_freeplay": _rubbing_freeplay,
+    "squeezed_damper": _squeezed_damper,
+    "growing_inertia": _growing_inertia,
+}
+"""By kind: of the step and the values, one number per recording each."""
+
+
 def foreign(effect: Effect, recordings: int, dt: float) -> Law | None:
     """The force of a law that has no name, or None for another kind."""
-    values = effect.each(recordings)
-    match effect.kind:
-        case "softening":
-            return lambda d, v: values[0] * values[1] * np.tanh(d / values[1])
-        case "root_damper":
-            return lambda d, v: values[0] * v / np.sqrt(np.abs(v) + values[1])
-        case "squeezed_damper":
-            return lambda d, v: values[0] * d**2 * v
-        case "smooth_hysteresis":
-            return _smooth_hysteresis(*values)
-        case "bristles":
-            return _bristles(dt, *values)
-        case "rubbing_freeplay":
-            return _rubbing_freeplay(*values)
-    return None
+    law = LAWS.get(effect.kind)
+    return None if law is None else law(dt, *effect.each(recordings))
