@@ -1,9 +1,7 @@
 """What a diagnosis says."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from iwanjax.discrepancy.findings import (
     Errors,
@@ -20,6 +18,7 @@ from iwanjax.discrepancy.findings import (
     UnnamedForce,
 )
 from iwanjax.discrepancy.judgement import Verdict
+from iwanjax.discrepancy.sentences import Report, refusal
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.effects.wording import noun, place, sentence, share, sizes
 from iwanjax.results import AbstractResult
@@ -166,20 +165,19 @@ class Diagnosis(AbstractResult):
         first = self.what[0]
         return (first, *(each for each in self.what[1:] if each.label in first.joint_with))
 
-    def report(self) -> "Report":
+    def report(self) -> Report:
         """The verdict in plain sentences, part by part."""
         by_name = {
             "nothing_missing": self._nothing,
             "something_missing": self._missing,
             "undecided": self._undecided,
         }
-        parts = (by_name[self.verdict.name](), self._improvement(), self._doubt(), self._next())
-        return Report(*(" ".join(map(_ended, part)) for part in parts))
+        first = by_name[self.verdict.name]()
+        return Report.of(first, self._improvement(), self._doubt(), self._next())
 
     def statement(self) -> str:
         """All of it: the verdict first, then the improvement, the doubt, what to measure next."""
-        *parts, following = self.report()
-        return " ".join(filter(None, (*parts, _measure_next(following))))
+        return self.report().statement()
 
     @property
     def _held(self) -> bool:
@@ -293,7 +291,7 @@ class Diagnosis(AbstractResult):
                 f"The probability that it is something else is "
                 f"{self.probability_something_else:.2f}"
             )
-        doubts += map(_refusal, self.refused)
+        doubts += map(refusal, self.refused)
         spread = self.parameter_spread.hold_out
         if spread > self.noise_floor.hold_out:
             doubts.append(
@@ -360,41 +358,4 @@ class Diagnosis(AbstractResult):
         header = ("what may be missing", "probability", "parameters", "together with")
         tables = [without_empty_columns(header, suspects)] if suspects else []
         tables.append(without_empty_columns(("error", "fitted", "held out"), errors))
-        return report.verdict, *tables, *filter(None, (report.doubt, _measure_next(report.next)))
-
-
-class Report(NamedTuple):
-    """A diagnosis in plain sentences; empty where there is nothing to say.
-
-    Attributes
-    ----------
-    verdict : str
-        At most three sentences.
-    improvement : str
-        How much better predictions get.
-    doubt : str
-        What speaks against it, and what is odd.
-    next : str
-        What to measure next.
-    """
-
-    verdict: str
-    improvement: str
-    doubt: str
-    next: str
-
-
-def _ended(line: str) -> str:
-    return line if line.endswith(".") else f"{line}."
-
-
-def _measure_next(text: str) -> str:
-    return f"Measure next: {text[:1].lower()}{text[1:]}"
-
-
-def _refusal(each: Refused) -> str:
-    off = f"is {share(each.after)} off on" if math.isfinite(each.after) else "diverges on"
-    return (
-        f"{each.label} explains the fitted recordings, but {off} the held-out ones, where the "
-        f"model without it is {share(each.before)} off: it is refused"
-    )
+        return report.verdict, *tables, *filter(None, (report.doubt, report.measure_next))

@@ -144,12 +144,8 @@ def fit_unnamed_law(
 
     Parameters
     ----------
-    problem : HistoryProblem
-        Of the model without it.
-    kind : UnnamedKind
-        What to call it.
-    place : Place
-        Where.
+    problem, kind, place
+        As for :func:`with_unnamed_law`.
     z : sequence of (parameters,) array
         Joints to begin with; the best of them is gone on with after the first memory.
     memories : sequence of float

@@ -12,8 +12,11 @@ from iwanjax.plotting.style import (
     GREY,
     PALETTE,
     SINGLE_COLUMN,
+    amplitude_spectrum,
+    draw_band,
     paper_style,
     set_up,
+    single_panel,
 )
 
 # Rivals that are shown, rows of the map of places, and samples that are looked at closely.
@@ -132,12 +135,10 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
         panels[1].plot(t[close], curve[close], style, color=colour, linewidth=0.9, label=label)
         if number:
             panels[0].plot(t, y - curve, color=colour, linewidth=0.5)
-    frequency = np.fft.rfftfreq(len(y), 1.0 / diagnosis.sampling_rate)
-    window = np.hanning(len(y))
-    panels[2].semilogy(frequency[1:], _amplitude(y, window)[1:], color="black", linewidth=0.6)
-    for _, curve, colour in curves[1:]:
+    rest = [(y - curve, colour) for _, curve, colour in curves[1:]]
+    for x, colour in [(y, "black"), *rest]:
         panels[2].semilogy(
-            frequency[1:], _amplitude(y - curve, window)[1:], color=colour, linewidth=0.6
+            *amplitude_spectrum(x, diagnosis.sampling_rate), color=colour, linewidth=0.6
         )
     panels[0].set_ylabel("Measured (grey), left over\n(recording's unit)")
     for panel in panels[:2]:
@@ -148,10 +149,6 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
         panel.set_title(f"{names[i]}: {title}")
     figure.legend(loc="outside lower center", ncols=3)
     return figure
-
-
-def _amplitude(x: np.ndarray, window: np.ndarray) -> np.ndarray:
-    return np.abs(np.fft.rfft(x * window)) * 2.0 / window.sum()
 
 
 @paper_style()
@@ -244,18 +241,9 @@ def plot_restoring(diagnosis: Diagnosis) -> Figure:
     found = diagnosis.restoring
     if found is None:
         raise InputError("plot_restoring: no force was recovered; the first suspect is none")
-    figure, ax = plt.subplots(figsize=(SINGLE_COLUMN, 2.8), layout="constrained")
-    set_up(ax)
+    figure, ax = single_panel(2.8)
     ax.plot(found.x, found.force, ".", color="0.75", markersize=1.5, rasterized=True)
-    ax.fill_between(
-        found.centre,
-        found.middle - 2.0 * found.deviation,
-        found.middle + 2.0 * found.deviation,
-        color=PALETTE[0],
-        alpha=0.25,
-        linewidth=0.0,
-        label="recovered, 95 %",
-    )
+    draw_band(ax, found.centre, found.middle, found.deviation, "recovered, 95 %")
     ax.errorbar(
         found.centre,
         found.middle,
@@ -309,18 +297,10 @@ def plot_unnamed(diagnosis: Diagnosis) -> Figure:
     found = diagnosis.unnamed
     if found is None:
         raise InputError("plot_unnamed: no general law was fitted; the verdict has a name or none")
-    figure, ax = plt.subplots(figsize=(SINGLE_COLUMN, 2.8), layout="constrained")
-    set_up(ax)
+    figure, ax = single_panel(2.8)
     ax.plot(*found.path, color="0.6", linewidth=0.5, label="in the hardest recording")
     d, force = found.backbone
-    ax.fill_between(
-        d,
-        force - 2.0 * found.deviation,
-        force + 2.0 * found.deviation,
-        color=PALETTE[0],
-        alpha=0.25,
-        linewidth=0.0,
-    )
+    draw_band(ax, d, force, found.deviation)
     ax.plot(d, force, color=PALETTE[0], linewidth=1.4, label="virgin curve, 95 %")
     ax.set_xlabel(f"Deflection of {found.where} (model's unit)")
     ax.set_ylabel("Force (model's unit)")

@@ -24,9 +24,10 @@ from iwanjax.plotting.style import (
     DOUBLE_COLUMN,
     GREY,
     PALETTE,
-    SINGLE_COLUMN,
+    amplitude_spectrum,
     paper_style,
     set_up,
+    stacked_panels,
     with_unit,
 )
 from iwanjax.signals.contents import FileContents
@@ -84,9 +85,9 @@ def plot_contents(contents: FileContents, recording: int = 0) -> Figure:
         x = shown.channel(channel.name)
         left.plot(shown.time[::every], x[::every], color=PALETTE[0], linewidth=0.6)
         left.set_ylabel(with_unit(channel.name, channel.unit))
-        spectrum = 2.0 * np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) / x.size
-        frequency = np.fft.rfftfreq(x.size, 1.0 / shown.sampling_rate)
-        right.semilogy(frequency[1:], spectrum[1:], color=PALETTE[0], linewidth=0.6)
+        right.semilogy(
+            *amplitude_spectrum(x - x.mean(), shown.sampling_rate), color=PALETTE[0], linewidth=0.6
+        )
     axes[-1, 0].set_xlabel("Time $t$ (s)")
     axes[-1, 1].set_xlabel("Frequency (Hz)")
     axes[-1, 0].set_xlim(shown.time[0], shown.time[-1])
@@ -119,16 +120,8 @@ def plot_ringdown(ringdown: RingDown) -> Figure:
     if not isinstance(ringdown, RingDown):
         raise InputError(f"plot_ringdown expects a RingDown, got {type(ringdown).__name__}")
     r, c = ringdown, ringdown.curves
-    figure, axes = plt.subplots(
-        3,
-        1,
-        sharex=True,
-        figsize=(SINGLE_COLUMN, 4.8),
-        height_ratios=(1.2, 1.0, 1.0),
-        layout="constrained",
-    )
+    figure, axes = stacked_panels((1.2, 1.0, 1.0), 4.8)
     upper, middle, lower = axes
-    set_up(*axes)
     _shade_unused(axes, r)
 
     shown = slice(None, None, -(-r.signal_time.size // _MOST_SAMPLES))
@@ -189,16 +182,8 @@ def plot_merged(merged: MergedCurves) -> Figure:
     """
     if not isinstance(merged, MergedCurves):
         raise InputError(f"plot_merged expects MergedCurves, got {type(merged).__name__}")
-    figure, axes = plt.subplots(
-        3,
-        1,
-        sharex=True,
-        figsize=(SINGLE_COLUMN, 5.2),
-        height_ratios=(1.0, 1.0, 0.7),
-        layout="constrained",
-    )
+    figure, axes = stacked_panels((1.0, 1.0, 0.7), 5.2)
     upper, middle, lower = axes
-    set_up(*axes)
     for hit in merged.hits:
         for ax, name in ((upper, "frequency"), (middle, "damping")):
             known = _known(hit, name)

@@ -1,11 +1,16 @@
 """The look that all figures share, applied without touching matplotlib's global settings."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from iwanjax.types import ArrayLike
 
 # Okabe and Ito's colours, which the colour-blind can tell apart; their yellow is lost on white.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -78,6 +83,49 @@ def set_up(*axes: Axes) -> None:
         )
         ax.tick_params(which="major", length=3.0)
         ax.tick_params(which="minor", length=1.5)
+
+
+def single_panel(height: float) -> tuple[Figure, Axes]:
+    """One panel as wide as a column, of so many inches."""
+    figure, ax = plt.subplots(figsize=(SINGLE_COLUMN, height), layout="constrained")
+    set_up(ax)
+    return figure, ax
+
+
+def stacked_panels(heights: Sequence[float], height: float) -> tuple[Figure, np.ndarray]:
+    """Panels over one another with one abscissa, as wide as a column, of so many inches in all."""
+    figure, axes = plt.subplots(
+        len(heights),
+        1,
+        sharex=True,
+        figsize=(SINGLE_COLUMN, height),
+        height_ratios=tuple(heights),
+        layout="constrained",
+    )
+    set_up(*axes)
+    return figure, axes
+
+
+def draw_band(
+    ax: Axes, x: ArrayLike, middle: np.ndarray, deviation: np.ndarray, label: str | None = None
+) -> None:
+    """Two deviations on either side of a curve."""
+    ax.fill_between(
+        x,
+        middle - 2.0 * deviation,
+        middle + 2.0 * deviation,
+        color=PALETTE[0],
+        alpha=0.25,
+        linewidth=0.0,
+        label=label,
+    )
+
+
+def amplitude_spectrum(x: np.ndarray, sampling_rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lines above zero, Hz, and amplitudes under a Hann window, where a sine has its own."""
+    window = np.hanning(x.size)
+    amplitude = 2.0 * np.abs(np.fft.rfft(x * window)) / window.sum()
+    return np.fft.rfftfreq(x.size, 1.0 / sampling_rate)[1:], amplitude[1:]
 
 
 def with_unit(quantity: str, unit: str) -> str:

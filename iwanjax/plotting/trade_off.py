@@ -2,12 +2,11 @@
 
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from iwanjax.plotting.style import GREY, PALETTE, SINGLE_COLUMN, paper_style, set_up
+from iwanjax.plotting.style import GREY, PALETTE, paper_style, single_panel
 
 if TYPE_CHECKING:
     from iwanjax.updating.pareto import ParetoFront
@@ -65,8 +64,7 @@ def plot_front(front: "ParetoFront") -> Figure:
 
 
 def _axes() -> tuple[Figure, Axes]:
-    figure, ax = plt.subplots(figsize=(SINGLE_COLUMN, 2.9), layout="constrained")
-    set_up(ax)
+    figure, ax = single_panel(2.9)
     ax.set(xscale="log", yscale="log")
     ax.set_xlabel("RMSD of frequency (Hz)")
     ax.set_ylabel("RMSD of damping ratio (%)")

@@ -20,6 +20,7 @@ from iwanjax.plotting.style import (
     SINGLE_COLUMN,
     paper_style,
     set_up,
+    single_panel,
     with_unit,
 )
 from iwanjax.types import ArrayLike, as_real
@@ -162,8 +163,7 @@ def plot_hysteresis(
         raise InputError(
             f"plot_hysteresis: d has shape {x.shape}, force {y.shape}; expected (N,) both"
         )
-    figure, ax = plt.subplots(figsize=(SINGLE_COLUMN, 3.0), layout="constrained")
-    set_up(ax)
+    figure, ax = single_panel(3.0)
     ax.locator_params(axis="x", nbins=6)
     _draw_path(ax, x, y, label="path")
     if joint is not None:

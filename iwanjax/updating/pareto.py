@@ -13,10 +13,10 @@ from iwanjax.errors import InputError
 from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.estimation.problem import AbstractLeastSquares
-from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
-from iwanjax.tables import Block, Grid
+from iwanjax.tables import Block
 from iwanjax.types import require_double_precision
+from iwanjax.updating.parameter_sets import AbstractParameterSets
 from iwanjax.updating.projected import ProjectedProblem
 from iwanjax.updating.sampled import SampledFits, deviations, not_beaten
 from iwanjax.updating.solution import point
@@ -50,19 +50,14 @@ class _Weighted(AbstractLeastSquares):
 
 
 @dataclass(frozen=True, eq=False)
-class ParetoFront(AbstractResult):
+class ParetoFront(AbstractParameterSets):
     """Result of :func:`pareto_front`.
 
     Attributes
     ----------
-    names : tuple of str
-        Of the parameters, in the order of the columns of ``values``.
-    values : (points, parameters) array
-        Of each point, by rising deviation of the frequency.
-    frequency_rmsd : (points,) array
-        Root mean square deviation (3.34) of the frequency, Hz.
-    damping_rmsd : (points,) array
-        The same of the damping ratio, 1.
+    names, values, frequency_rmsd, damping_rmsd
+        As of :class:`~iwanjax.updating.parameter_sets.AbstractParameterSets`, by point, in the
+        order of rising deviation of the frequency.
     importance : (points,) array
         Weight of the squared damping over that of the squared frequency, each over its scale: that
         of the sampled set that is nearest to the best of both.
@@ -72,10 +67,6 @@ class ParetoFront(AbstractResult):
         What the front was started from.
     """
 
-    names: tuple[str, ...]
-    values: np.ndarray = field(repr=False)
-    frequency_rmsd: np.ndarray
-    damping_rmsd: np.ndarray
     importance: np.ndarray
     chosen: int
     sampled: SampledFits = field(repr=False)
@@ -87,7 +78,7 @@ class ParetoFront(AbstractResult):
 
     def point(self, i: int) -> dict[str, float]:
         """Parameters of one point by name."""
-        return {n: float(v) for n, v in zip(self.names, self.values[i], strict=True)}
+        return self._named(i)
 
     def model(self, i: int | None = None) -> JointedStructure:
         """The structure with the parameters of one point; of the chosen one without it."""
@@ -101,18 +92,7 @@ class ParetoFront(AbstractResult):
             f"to {f[-1]:.3g} Hz and {zeta[-1]:.2g} off in frequency and damping. "
             f"Point {self.chosen} is nearest to the best of both."
         )
-        free = [i for i, p in enumerate(self.sampled.parameters) if not p.fixed]
-        rows = [
-            (
-                f"{i}",
-                f"{f[i]:.4g}",
-                f"{zeta[i]:.3g}",
-                *(f"{self.values[i, j]:.4g}" for j in free),
-            )
-            for i in range(f.size)
-        ]
-        columns = ("point", "frequency (Hz)", "damping", *(self.names[j] for j in free))
-        return head, Grid(columns, tuple(rows))
+        return head, self._grid("point", range(f.size), self.sampled.parameters)
 
 
 def pareto_front(sampled: SampledFits, points: int = 12) -> ParetoFront:

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 import iwanjax as ij
-from iwanjax.plotting import plot, plot_merged, plot_ringdown
+from iwanjax.plotting import plot, plot_contents, plot_merged, plot_ringdown
+from iwanjax.signals import file_contents
 from iwanjax.signals.hilbert import ringdown
 from iwanjax.signals.merge import merge_curves
 
@@ -184,3 +185,13 @@ def test_the_style_does_not_depend_on_global_settings(result):
         axes = drawn(plot_ringdown(result)).axes
         assert all(line.get_linewidth() < 2 for ax in axes for line in ax.lines)
         assert all(label.get_fontsize() == 7.0 for label in axes[2].get_xticklabels())
+
+
+def test_a_sine_has_its_own_amplitude_in_the_spectrum(tmp_path):
+    """It was drawn at half of it: a Hann window lets half of a sine through."""
+    t = np.arange(4096) / 1024.0
+    np.savez(tmp_path / "sine.npz", time=t, tip=3.0 * np.sin(200.0 * np.pi * t))
+    _, right = drawn(plot_contents(file_contents(tmp_path / "sine.npz"))).axes
+    frequency, amplitude = points(right.lines[0])
+    assert frequency[np.argmax(amplitude)] == pytest.approx(100.0)
+    assert np.max(amplitude) == pytest.approx(3.0, rel=1e-3)
