@@ -16,9 +16,8 @@ from iwanjax.estimation.problem import AbstractLeastSquares
 from iwanjax.structures import JointedStructure
 from iwanjax.tables import Block
 from iwanjax.types import require_double_precision
-from iwanjax.updating.parameter_sets import AbstractParameterSets
 from iwanjax.updating.projected import ProjectedProblem
-from iwanjax.updating.sampled import SampledFits, deviations, not_beaten
+from iwanjax.updating.sampled import AbstractParameterSets, SampledFits, deviations, not_beaten
 from iwanjax.updating.solution import point
 
 # Decades of the ratio of both weights on either side of equal importance: beyond, an end of the
@@ -56,7 +55,7 @@ class ParetoFront(AbstractParameterSets):
     Attributes
     ----------
     names, values, frequency_rmsd, damping_rmsd
-        As of :class:`~iwanjax.updating.parameter_sets.AbstractParameterSets`, by point, in the
+        As of :class:`~iwanjax.updating.sampled.AbstractParameterSets`, by point, in the
         order of rising deviation of the frequency.
     importance : (points,) array
         Weight of the squared damping over that of the squared frequency, each over its scale: that

@@ -15,11 +15,11 @@ from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Parameter, fixed_at, replaced
 from iwanjax.joints.iwan4 import Iwan4
+from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
-from iwanjax.tables import Block
+from iwanjax.tables import Block, Grid
 from iwanjax.types import ArrayLike, require_double_precision
 from iwanjax.updating.model_error import WITHOUT_NOISE, with_model_error
-from iwanjax.updating.parameter_sets import AbstractParameterSets
 from iwanjax.updating.problem import Reference
 from iwanjax.updating.projected import ProjectedProblem
 from iwanjax.updating.structural import (
@@ -35,13 +35,55 @@ _SHOWN = 8
 
 
 @dataclass(frozen=True, eq=False)
+class AbstractParameterSets(AbstractResult):
+    """Sets of parameters that are held against the same curves.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the parameters, in the order of the columns of ``values``.
+    values : (sets, parameters) array
+        In their units; the damping ratio beside the joints is the one that suits each set best.
+    frequency_rmsd : (sets,) array
+        Root mean square deviation (3.34) of the frequency, Hz; infinite where a set has no
+        equilibrium at a measured amplitude.
+    damping_rmsd : (sets,) array
+        The same of the damping ratio, 1.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray = field(repr=False)
+    frequency_rmsd: np.ndarray = field(repr=False)
+    damping_rmsd: np.ndarray = field(repr=False)
+
+    def _named(self, i: int) -> dict[str, float]:
+        """Parameters of one set by name."""
+        return {n: float(v) for n, v in zip(self.names, self.values[i], strict=True)}
+
+    def _grid(self, called: str, chosen: Sequence[int], parameters: Sequence[Parameter]) -> Grid:
+        """Both deviations and the free parameters of some sets."""
+        free = [i for i, p in enumerate(parameters) if not p.fixed]
+        rows = [
+            (
+                f"{i}",
+                f"{self.frequency_rmsd[i]:.4g}",
+                f"{self.damping_rmsd[i]:.3g}",
+                *(f"{self.values[i, j]:.4g}" for j in free),
+            )
+            for i in chosen
+        ]
+        columns = (called, "frequency (Hz)", "damping", *(self.names[j] for j in free))
+        return Grid(columns, tuple(rows))
+
+
+@dataclass(frozen=True, eq=False)
 class SampledFits(AbstractParameterSets):
     """Result of :func:`sample_fits`.
 
     Attributes
     ----------
     names, values, frequency_rmsd, damping_rmsd
-        As of :class:`~iwanjax.updating.parameter_sets.AbstractParameterSets`, by set.
+        As of :class:`AbstractParameterSets`, by set.
     front : (k,) array of int
         Sets that no other one beats in both, by rising deviation of the frequency.
     weights : (curves,) array
