@@ -12,13 +12,13 @@ from iwanjax.discrepancy.findings import (
     Prediction,
     Refitted,
     Refused,
+    Report,
     RestoringForce,
     Score,
     Suspect,
     UnnamedForce,
 )
 from iwanjax.discrepancy.judgement import Verdict
-from iwanjax.discrepancy.sentences import Report, refusal
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.effects.wording import noun, place, sentence, share, sizes
 from iwanjax.results import AbstractResult
@@ -291,7 +291,7 @@ class Diagnosis(AbstractResult):
                 f"The probability that it is something else is "
                 f"{self.probability_something_else:.2f}"
             )
-        doubts += map(refusal, self.refused)
+        doubts += map(str, self.refused)
         spread = self.parameter_spread.hold_out
         if spread > self.noise_floor.hold_out:
             doubts.append(

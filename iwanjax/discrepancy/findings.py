@@ -1,4 +1,4 @@
-"""What a diagnosis is made of: suspects with their sizes, errors, scores, observables, forces."""
+"""What a diagnosis is made of: suspects with their sizes, errors, scores, forces, sentences."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,6 +9,7 @@ import numpy as np
 
 from iwanjax.effects.estimate import Estimate
 from iwanjax.effects.kinds import Kind
+from iwanjax.effects.wording import share
 from iwanjax.identification.recordings import StudyRecording
 from iwanjax.joints import UnnamedLaw
 from iwanjax.settings.stages import settings
@@ -266,6 +267,52 @@ class Refused(NamedTuple):
     label: str
     before: float
     after: float
+
+    def __str__(self) -> str:
+        off = f"is {share(self.after)} off on" if math.isfinite(self.after) else "diverges on"
+        return (
+            f"{self.label} explains the fitted recordings, but {off} the held-out ones, where the "
+            f"model without it is {share(self.before)} off: it is refused"
+        )
+
+
+class Report(NamedTuple):
+    """A diagnosis in plain sentences; empty where there is nothing to say.
+
+    Attributes
+    ----------
+    verdict : str
+        At most three sentences.
+    improvement : str
+        How much better predictions get.
+    doubt : str
+        What speaks against it, and what is odd.
+    next : str
+        What to measure next.
+    """
+
+    verdict: str
+    improvement: str
+    doubt: str
+    next: str
+
+    @classmethod
+    def of(cls, *parts: Sequence[str]) -> "Report":
+        """Of the sentences of each part, with or without their full stops."""
+        return cls(*(" ".join(map(_ended, part)) for part in parts))
+
+    @property
+    def measure_next(self) -> str:
+        """The last part with what it is, where it follows others."""
+        return f"Measure next: {self.next[:1].lower()}{self.next[1:]}"
+
+    def statement(self) -> str:
+        """All parts in one paragraph."""
+        return " ".join(filter(None, (*self[:-1], self.measure_next)))
+
+
+def _ended(line: str) -> str:
+    return line if line.endswith(".") else f"{line}."
 
 
 class Errors(NamedTuple):
