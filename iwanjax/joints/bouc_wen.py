@@ -16,9 +16,8 @@ from iwanjax.joints.force_law import (
     PlaceMotion,
     Scales,
     Variant,
-    stiffness_alone,
 )
-from iwanjax.joints.springs import LinearSpring
+from iwanjax.joints.springs import NEVER_GIVING_WAY
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
 
@@ -91,13 +90,7 @@ class BoucWen(AbstractStepped):
     @classmethod
     def nested(cls, **held: Any) -> tuple[NestedLaw, ...]:
         """One that never yields is a spring."""
-        return (
-            NestedLaw(
-                LinearSpring,
-                stiffness_alone,
-                lambda spring, seen, share: (*spring, seen.deflection / share),
-            ),
-        )
+        return (NEVER_GIVING_WAY,)
 
     @property
     def initial_stiffness(self) -> Array:

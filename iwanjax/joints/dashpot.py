@@ -6,18 +6,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from iwanjax.errors import InputError
-from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.discrete import Viscous
-from iwanjax.joints.force_law import (
-    AbstractForceLaw,
-    EffectName,
-    PlaceMotion,
-)
+from iwanjax.joints.abstract import ParameterInfo, named
+from iwanjax.joints.force_law import EffectName
+from iwanjax.joints.rate_law import AbstractRateLaw
 from iwanjax.types import ArrayLike, real
 
 
-class Dashpot(AbstractForceLaw):
+class Dashpot(AbstractRateLaw):
     r"""Linear dashpot: F = c v.
 
     Quasi-statically it carries nothing; per cycle it takes pi c omega d^2.
@@ -51,36 +46,9 @@ class Dashpot(AbstractForceLaw):
 
     c: Array = eqx.field(converter=named("c"))
 
-    @property
-    def initial_stiffness(self) -> Array:
-        """Zero."""
-        return jnp.zeros_like(self.c)
-
-    @property
-    def limit_stiffness(self) -> Array:
-        """Zero."""
-        return jnp.zeros_like(self.c)
-
-    def discrete(self, sliders: int | None = None) -> Viscous:
-        """The force follows the rate."""
-        return Viscous(self)
-
-    def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
-        """The force at the rate that the step ends with; nothing is remembered."""
-        return self.rate_law(motion.v)[0], memory
-
     def rate_law(self, v: Array) -> tuple[Array, Array]:
         """Force c v and its slope c."""
         return self.c * v, self.c * jnp.ones_like(v)
-
-    def law(self) -> Law:
-        """No force and no tangent in quasi-static loading."""
-        zero = jnp.zeros_like(self.c)
-        return lambda d: (zero * d, zero * d)
-
-    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """Zero: the force is in quadrature with the deflection."""
-        return jnp.zeros_like(self.c) * real(d)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Energy per cycle :math:`\pi c\,\omega d^2`, force x length.
@@ -97,10 +65,4 @@ class Dashpot(AbstractForceLaw):
         InputError
             When omega is not given: a dashpot's loss depends on rate.
         """
-        if omega is None:
-            raise InputError("Dashpot.dissipation needs omega= (rad/s): its loss depends on rate")
-        return jnp.pi * self.c * real(omega) * real(d) ** 2
-
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """The in-phase part of the loop: zero."""
-        return self.backbone(d)
+        return jnp.pi * self.c * self._rate(omega) * real(d) ** 2

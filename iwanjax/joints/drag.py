@@ -7,18 +7,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from iwanjax.errors import InputError
-from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.discrete import Viscous
-from iwanjax.joints.force_law import (
-    AbstractForceLaw,
-    EffectName,
-    PlaceMotion,
-)
+from iwanjax.joints.abstract import ParameterInfo, named
+from iwanjax.joints.force_law import EffectName
+from iwanjax.joints.rate_law import AbstractRateLaw
 from iwanjax.types import ArrayLike, real
 
 
-class QuadraticDrag(AbstractForceLaw):
+class QuadraticDrag(AbstractRateLaw):
     r"""Quadratic drag: F = c v |v|, as of a body in a fluid. Quasi-statically it carries nothing.
 
     Parameters
@@ -66,37 +61,10 @@ class QuadraticDrag(AbstractForceLaw):
         """Of the coefficient ``size``."""
         return cls(c=size)
 
-    @property
-    def initial_stiffness(self) -> Array:
-        """Zero."""
-        return jnp.zeros_like(self.c)
-
-    @property
-    def limit_stiffness(self) -> Array:
-        """Zero."""
-        return jnp.zeros_like(self.c)
-
-    def discrete(self, sliders: int | None = None) -> Viscous:
-        """The force follows the rate."""
-        return Viscous(self)
-
-    def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
-        """The force at the rate that the step ends with; nothing is remembered."""
-        return self.rate_law(motion.v)[0], memory
-
     def rate_law(self, v: Array) -> tuple[Array, Array]:
         """Force c v |v| and its slope 2 c |v|."""
         size = self.c * jnp.abs(v)
         return size * v, 2.0 * size
-
-    def law(self) -> Law:
-        """No force and no tangent in quasi-static loading."""
-        zero = jnp.zeros_like(self.c)
-        return lambda d: (zero * d, zero * d)
-
-    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """Zero: the force is in quadrature with the deflection."""
-        return self.backbone(d)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Energy per cycle :math:`\tfrac{8}{3} c\,\omega^2 |d|^3`, force x length.
@@ -113,12 +81,4 @@ class QuadraticDrag(AbstractForceLaw):
         InputError
             When omega is not given.
         """
-        if omega is None:
-            raise InputError(
-                "QuadraticDrag.dissipation needs omega= (rad/s): its loss depends on rate"
-            )
-        return 8.0 / 3.0 * self.c * real(omega) ** 2 * jnp.abs(real(d)) ** 3
-
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """The in-phase part of the loop: zero."""
-        return self.backbone(d)
+        return 8.0 / 3.0 * self.c * self._rate(omega) ** 2 * jnp.abs(real(d)) ** 3

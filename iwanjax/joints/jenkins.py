@@ -16,11 +16,10 @@ from iwanjax.joints.force_law import (
     PlaceMotion,
     Scales,
     Variant,
-    stiffness_alone,
 )
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.sliders import SLIDERS, SliderBank
-from iwanjax.joints.springs import LinearSpring
+from iwanjax.joints.springs import NEVER_GIVING_WAY
 from iwanjax.types import ArrayLike, real
 
 
@@ -81,13 +80,7 @@ class Jenkins(AbstractForceLaw):
     @classmethod
     def nested(cls, **held: Any) -> tuple[NestedLaw, ...]:
         """One that never slips is a spring."""
-        return (
-            NestedLaw(
-                LinearSpring,
-                stiffness_alone,
-                lambda spring, seen, share: (*spring, seen.deflection / share),
-            ),
-        )
+        return (NEVER_GIVING_WAY,)
 
     def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
         """The spring is stretched no further than to slip; its stretch is remembered."""

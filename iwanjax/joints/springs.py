@@ -158,6 +158,14 @@ class QuadraticSpring(AbstractSpring):
         return jnp.zeros_like(self.backbone(d))
 
 
+NEVER_GIVING_WAY = NestedLaw(
+    LinearSpring,
+    stiffness_alone,
+    lambda spring, seen, share: (*spring, seen.deflection / share),
+)
+"""Of a law of a stiffness at rest and the deflection where it gives way, one that is never there."""
+
+
 class CubicSpring(AbstractSpring):
     """Cubic spring: F = k3 d^3, hardening (as bending-stretching) or softening (k3 < 0).
 

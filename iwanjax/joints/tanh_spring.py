@@ -13,9 +13,8 @@ from iwanjax.joints.force_law import (
     NestedLaw,
     Scales,
     Variant,
-    stiffness_alone,
 )
-from iwanjax.joints.springs import AbstractSpring, LinearSpring
+from iwanjax.joints.springs import NEVER_GIVING_WAY, AbstractSpring
 from iwanjax.types import ArrayLike, real
 
 
@@ -53,13 +52,7 @@ class TanhSpring(AbstractSpring):
     @classmethod
     def nested(cls, **held: Any) -> tuple[NestedLaw, ...]:
         """One that is never deflected far enough is a linear spring."""
-        return (
-            NestedLaw(
-                LinearSpring,
-                stiffness_alone,
-                lambda spring, seen, share: (*spring, seen.deflection / share),
-            ),
-        )
+        return (NEVER_GIVING_WAY,)
 
     @property
     def initial_stiffness(self) -> Array:
