@@ -163,7 +163,7 @@ NEVER_GIVING_WAY = NestedLaw(
     stiffness_alone,
     lambda spring, seen, share: (*spring, seen.deflection / share),
 )
-"""Of a law of a stiffness at rest and the deflection where it gives way, one that is never there."""
+"""Of a law with a stiffness at rest and the deflection where it gives way, beyond all of them."""
 
 
 class CubicSpring(AbstractSpring):
