@@ -138,6 +138,12 @@ def diagnose_histories(
     started = time.perf_counter()
     kinds, numbers = kinds_of(hypotheses), settings().histories
     places = {name: finite_array(row, name) for name, row in rows.items()}
+    for what, named in (("inputs", inputs), ("sensors", sensors)):
+        if not named:
+            raise InputError(
+                f"diagnose: no {what}; expected {{name: row}} for at least one; the force of free "
+                "decays is zero at any input"
+            )
     rows_in, rows_out = (
         np.stack([finite_array(row, name) for name, row in named.items()])
         for named in (inputs, sensors)

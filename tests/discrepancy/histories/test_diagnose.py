@@ -224,6 +224,14 @@ def test_bad_recordings_get_one_clear_line(case):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("what", ["inputs", "sensors"])
+def test_without_inputs_or_sensors_it_is_refused(what):
+    decay = StudyRecording("rec", RNG.standard_normal((400, 2)), None)
+    given = {"rows": ROWS, "sensors": SENSORS, "inputs": INPUTS} | {what: {}}
+    with pytest.raises(ij.InputError, match=f"no {what}; expected"):
+        diagnose_histories(structure(), [decay], 1024.0, **given)
+
+
 def test_a_row_of_zeros_is_said():
     recording = StudyRecording("rec", RNG.standard_normal((400, 2)), RNG.standard_normal((400, 2)))
     rows = ROWS | {"nowhere": np.zeros(2)}
