@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.dynamics.balance import Joints
 from iwanjax.dynamics.parabolic_hold import on
+from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.predictor import Data, Predictor
 from iwanjax.identification.suspects import Suspects, Values, sizes_of
 from iwanjax.joints import AbstractJoint, PlaceMotion, Reaction
@@ -155,6 +156,8 @@ class _Run(NamedTuple):
     compliance: Array
     mobility: Array
     inertance: Array
+    inertia: Array
+    spread: Array
     faults: tuple[Any, ...]
     observe: Array
 
@@ -212,6 +215,7 @@ class _Run(NamedTuple):
         at_once = jnp.concatenate([flexibility, nil, inertance]) @ expected
         size = sizes_of(suspects, values.suspects)
         shape = jnp.exp(jnp.clip(values.suspects[:, 1], -80.0, 80.0))
+        inertial = np.array([float(kind.inertial) for kind in predictor.kinds])
         pushed = predictor.parts(push)
         # What has inertia feels the absolute acceleration, though places see the relative motion.
         carried = suspects.row @ predictor.ground.modes
@@ -237,6 +241,10 @@ class _Run(NamedTuple):
             rows @ q_late + flexibility,
             rows @ v_late,
             inertance,
+            size
+            * (suspects.force @ inertial)
+            * jnp.diagonal(inertance[:, len(predictor.joints) :]),
+            jnp.concatenate([one, nil, nil, one]),
             _set_up(predictor, suspects, size),
             predictor.observation(rows, jnp.concatenate([q_late, v_late])),
         )
@@ -249,7 +257,7 @@ class _Run(NamedTuple):
             jnp.zeros(4 * m),
             jnp.zeros(m),
             self.elements.init(),
-            jnp.zeros(self.suspects.force.shape),
+            jnp.zeros(self.suspects.force.shape[0]),
             tuple(fault.rest(predictor.sensors.shape[0]) for fault in predictor.faults),
         )
 
@@ -260,15 +268,15 @@ class _Run(NamedTuple):
         z, expected, d, rate, a = jnp.split(new, np.cumsum([2 * r, m, m, m]))
         n = self.by.joints.shape[0]
         motion = PlaceMotion(d[n:], rate[n:], a, d[n:] - at.d[n:], self.by.dt)
-        e, joints, memory = self._forces(d[:n], rate[:n], motion, at, expected)
-        g = jnp.concatenate([expected + e, at.g[: 2 * m], e])
+        late, joints, memory = self._forces(d[:n], rate[:n], motion, at, expected)
+        g = jnp.concatenate([expected, at.g[: 2 * m], jnp.zeros(m)]) + late
         return _State(z, g, d, joints, memory, at.chain), motion
 
     def _forces(
         self, d: Array, v: Array, motion: PlaceMotion, at: _State, expected: Array
     ) -> tuple[Array, tuple[Any, ...], Array]:
         """Pseudo-forces less the expected ones, and what joints and suspects remember."""
-        predictor, n = self.by, self.by.joints.shape[0]
+        predictor, n, m = self.by, self.by.joints.shape[0], self.mobility.shape[0]
         reaction = self.elements.step(d, v, predictor.dt, at.joints)
         off = predictor.stiffness * d - reaction.force - expected[:n]
         stiffness = self._chords(d, reaction, at)
@@ -277,22 +285,42 @@ class _Run(NamedTuple):
         J = jnp.eye(n) - slope
         rows = [[J[i, j] for j in range(n)] for i in range(n)]
         e = jnp.stack(solve_general(rows, list(off))) if n else off
-        total, inertia, memory = jnp.zeros_like(self.size), jnp.zeros_like(self.size), []
-        for i, kind in enumerate(predictor.kinds):
-            unit, state = kind.unit_force(motion, self.shape, at.memory[:, i])
-            total = total + self.size * self.suspects.force[:, i] * unit
-            if kind.inertial:
-                own = jnp.diagonal(self.inertance[:, n:])
-                inertia = inertia + self.size * self.suspects.force[:, i] * own
-            memory.append(state)
+        total, memory = self._suspected(motion, at.memory)
         # The acceleration holds the expected force already, which an inertia acts back on.
-        late = (-total - expected[n:]) / (1.0 + inertia)
+        late = (-total - expected[n:]) / (1.0 + self.inertia)
+        # As one product: what goes into sums alone a compiler works out again for each of its uses.
+        last = self.spread @ jnp.concatenate([e, late])
         # What remembers too early an end turns back from it: at strong slip that would build up.
-        by = self.compliance[:n, :n] @ e
+        by = self.compliance[:n, :n] @ last[3 * m : 3 * m + n]
         joints = self.elements.settled(reaction.state, by, stiffness)
+        return last, joints, memory
+
+    def _suspected(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
+        """Forces of the suspects, and what their places remember, (slots,) each.
+
+        Of all kinds only that of a slot is worked out.
+        """
+        kinds, force = self.by.kinds, self.suspects.force
         # Without any kind of force, as where only sensors are suspected, nothing is remembered.
-        kept = jnp.stack(memory, axis=1) if memory else at.memory
-        return jnp.concatenate([e, late]), joints, kept
+        if not kinds:
+            return jnp.zeros_like(self.size), memory
+
+        def of(kind: ForceKind) -> Callable[..., tuple[Array, ...]]:
+            def react(motion: PlaceMotion, shape: Array, memory: Array) -> tuple[Array, ...]:
+                found = kind.unit_force(motion, shape, memory)
+                return tuple(jnp.broadcast_to(x, shape.shape).astype(shape.dtype) for x in found)
+
+            return react
+
+        def slot(_: None, at: tuple[Array, ...]) -> tuple[None, tuple[Array, ...]]:
+            which, d, v, a, moved, shape, memory = at
+            own = PlaceMotion(d, v, a, moved, motion.dt)
+            return None, jax.lax.switch(which, [of(kind) for kind in kinds], own, shape, memory)
+
+        which = jnp.argmax(force != 0.0, axis=1)
+        slots = (which, *motion[:4], self.shape, memory)
+        unit, memory = jax.lax.scan(slot, None, slots)[1]
+        return self.size * jnp.sum(force, axis=1) * unit, memory
 
     def _chords(self, d: Array, reaction: Reaction, at: _State) -> Array:
         """Stiffnesses from the end of the last step to d.

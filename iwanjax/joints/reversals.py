@@ -3,13 +3,16 @@
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 
 _DEPTH = 16
+# Of a first reversal's mirror image, and of a reversal.
+_SIGNS = np.array([[-1.0], [1.0]])
 
 
 class MasingJoint(Protocol):
@@ -30,7 +33,10 @@ class ReversalState(NamedTuple):
     direction : array
         1 or -1, the way it moves; 0 before it has moved.
     tips, forces : (depth,) array
-        Deflections and forces of the reversals whose loops are still open, oldest first.
+        Deflections and forces of the reversals whose loops are still open.
+    order : (depth,) array of int
+        Where in these they are, oldest first. None ever moves, for a move would take all its
+        derivatives along.
     depth : array
         How many of them.
     """
@@ -40,6 +46,7 @@ class ReversalState(NamedTuple):
     direction: Array
     tips: Float[Array, " depth"]
     forces: Float[Array, " depth"]
+    order: Int[Array, " depth"]
     depth: Array
 
 
@@ -67,29 +74,31 @@ class Reversals(AbstractDiscrete):
         """At rest on the virgin curve."""
         zero = self.joint.law()(jnp.zeros(()))[0] * 0.0
         none = jnp.zeros(_DEPTH) + zero
-        return ReversalState(zero, zero, zero, none, none, jnp.zeros((), jnp.int32))
+        order = jnp.arange(_DEPTH, dtype=jnp.int32)
+        return ReversalState(zero, zero, zero, none, none, order, jnp.zeros((), jnp.int32))
 
     def step(self, d: Array, v: Array, dt: Array, state: ReversalState) -> Reaction:
         """Move to d: exact for any motion that does not turn on the way. Its loss is NaN."""
         moved = d - state.d
         heading = jnp.where(moved == 0.0, state.direction, jnp.sign(moved))
-        tips, forces, count = _pushed(state, heading * state.direction < 0.0)
+        state = _pushed(state, heading * state.direction < 0.0)
+        count = state.depth
         # The branch may meet every second tip below the last: those it closes, with their mates.
         place = np.arange(_DEPTH)
         target = (place < count) & ((count - place) % 2 == 0)
-        passed = target & (heading * (d - tips) >= 0.0)
+        passed = target & (heading * (d - _oldest_first(state)) >= 0.0)
         count = count - 2 * jnp.sum(passed, dtype=count.dtype)
         # A mirror image alone is no reversal: beyond its mate the virgin curve goes on.
         count = jnp.where(count == 1, 0, count)
-        last = jnp.maximum(count - 1, 0)
+        last = state.order[jnp.maximum(count - 1, 0)]
         virgin = count == 0
-        d_r = jnp.where(virgin, 0.0, tips[last])
-        F_r = jnp.where(virgin, 0.0, forces[last])
+        d_r = jnp.where(virgin, 0.0, state.tips[last])
+        F_r = jnp.where(virgin, 0.0, state.forces[last])
         scale = jnp.where(virgin, 1.0, 2.0)
         half, tangent = self.joint.law()((d - d_r) / scale)
         force = F_r + scale * half
         unknown = jnp.full_like(force, jnp.nan)
-        kept = ReversalState(d, force, heading, tips, forces, count)
+        kept = state._replace(d=d, force=force, direction=heading, depth=count)
         return Reaction(force, tangent, jnp.zeros_like(force), kept, unknown)
 
     def settled(self, state: ReversalState, by: Array, stiffness: Array) -> ReversalState:
@@ -101,24 +110,40 @@ class Reversals(AbstractDiscrete):
         return jnp.full_like(d, jnp.nan)
 
 
-def _pushed(state: ReversalState, turned: Array) -> tuple[Array, Array, Array]:
-    """The stack with the point of a reversal on it.
+def _oldest_first(state: ReversalState) -> Float[Array, " depth"]:
+    """Deflections of the reversals in their order, to compare with: without derivatives."""
+    return jax.lax.stop_gradient(state.tips)[state.order]
+
+
+def _pushed(state: ReversalState, turned: Array) -> ReversalState:
+    """The point of a reversal on the stack.
 
     The first reversal brings its mirror image along, where the virgin curve goes on. On a full
     stack two neighbours make room, and the next continues the branch before them.
     """
     full = turned & (state.depth == _DEPTH)
     place = np.arange(_DEPTH)
-    out = full & (place >= _least_missed(jnp.append(state.tips, state.d)))
-    tips, forces = (jnp.where(out, jnp.roll(x, -2), x) for x in (state.tips, state.forces))
+    least = _least_missed(jnp.append(_oldest_first(state), state.d))
+    free = jax.lax.dynamic_slice(state.order, (least,), (2,))
+    moved = jnp.concatenate([state.order[2:], free])
+    order = jnp.where(full & (place >= least), moved, state.order)
     count = state.depth - 2 * full
     first = turned & (count == 0)
+    mirrored = jnp.where(first, order[0], _DEPTH)
+    last = jnp.where(turned, order[count + first], _DEPTH)
+    spots = jnp.stack([mirrored, last])[:, None]
+    # Products of whole stacks: a choice is made value by value, for each derivative again.
+    new = jnp.sum(jnp.where(spots == place, _SIGNS, 0.0), axis=0)
 
     def put(x: Array, value: Array) -> Array:
-        x = jnp.where(first & (place == 0), -value, x)
-        return jnp.where(turned & (place == count + first), value, x)
+        return (1.0 - jnp.abs(new)) * x + new * value
 
-    return put(tips, state.d), put(forces, state.force), count + turned + first
+    return state._replace(
+        tips=put(state.tips, state.d),
+        forces=put(state.forces, state.force),
+        order=order,
+        depth=count + turned + first,
+    )
 
 
 def _least_missed(tips: Float[Array, " n"]) -> Array:
