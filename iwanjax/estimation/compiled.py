@@ -4,7 +4,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from iwanjax.estimation.problem import AbstractLeastSquares
@@ -39,6 +38,8 @@ def run_all(
     most_steps: int,
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Values, variables, cost, whether it converged and steps of each run from the best starts."""
+    import optimistix as optx  # here, because few need it and it is slow to import
+
     solver = optx.LevenbergMarquardt(tolerance, tolerance)  # type: ignore[arg-type]
 
     def residuals(z: Array, problem: AbstractLeastSquares) -> Array:

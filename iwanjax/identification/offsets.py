@@ -190,6 +190,6 @@ def _line_at_zero(column: Float[np.ndarray, " N"]) -> tuple[float, float]:
 
 def _beyond(freedom: int) -> float:
     """Deviations that noise exceeds by chance, its own deviation known to so many freedoms."""
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    return float(t.isf(0.5 * _CHANCE, freedom))
+    return float(-stdtrit(freedom, 0.5 * _CHANCE))

@@ -85,6 +85,9 @@ def working_rate(
     fitted = [(x, r) for x, r in zip(recordings, rates, strict=True) if x.use == "fit"]
     if not fitted:
         return min(rates)
+    few = max(len(x.response) for x, _ in fitted) <= by.plenty
+    if few and highest == math.inf and len(set(rates)) == 1:
+        return rates[0]  # whatever the recordings show
     least = max(r if _clipped(x) else _highest(x, r, by) / END for x, r in fitted)
     if highest < math.inf:
         least = min(least, highest / END)

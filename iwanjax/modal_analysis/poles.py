@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.cluster.hierarchy
 from jaxtyping import Complex, Float
 
 # The band takes this share of the unit circle in the z-domain: its ends, which a polynomial of
@@ -148,6 +147,8 @@ def clustered(
     rate = window - np.real(poles)
     apart = np.abs(poles[:, None] - poles) / (0.5 * (rate[:, None] + rate))
     upper = apart[np.triu_indices(len(poles), 1)]
+    import scipy.cluster.hierarchy  # here, because it takes a tenth of a second to import
+
     tree = scipy.cluster.hierarchy.linkage(upper, "average")
     cluster = scipy.cluster.hierarchy.fcluster(tree, _APART, "distance")
     middles = {}

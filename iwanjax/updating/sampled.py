@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.stats import qmc
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
@@ -282,6 +281,8 @@ def _drawn(
     seed: int,
 ) -> np.ndarray:
     """Sets (count, parameters) by a scrambled Sobol sequence of the free parameters."""
+    from scipy.stats import qmc  # here, because few need it and it is slow to import
+
     free = [i for i, p in enumerate(parameters) if not p.fixed]
     unit = np.zeros((count, len(parameters)))
     if free:
