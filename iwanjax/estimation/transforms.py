@@ -5,7 +5,7 @@ r"""From a parameter within its bounds to the real line and back.
 for ``"log"``, ``"logit"`` and ``"identity"``.
 """
 
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -38,17 +38,27 @@ def to_value(transform: Transform, z: Scalar, lower: Scalar, upper: Scalar) -> S
 
 
 def to_variable(
-    transform: Transform, value: Scalar, lower: Scalar, upper: Scalar, inside: float = INSIDE
+    transform: Transform,
+    value: Scalar,
+    lower: Scalar,
+    upper: Scalar,
+    inside: float = INSIDE,
+    xp: Any = jnp,
 ) -> Scalar:
-    """The inverse of :func:`to_value`; a value on a bound is pulled a hair inside."""
+    """The inverse of :func:`to_value`; a value on a bound is pulled a hair inside.
+
+    With ``numpy`` for ``xp`` nothing is compiled for it.
+    """
     if transform == "log":
-        return jnp.log(jnp.maximum(value - lower, jnp.finfo(jnp.result_type(float)).tiny))
+        return xp.log(xp.maximum(value - lower, jnp.finfo(jnp.result_type(float)).tiny))
     if transform == "logit":
-        share = share_of(value, lower, upper, inside)
-        return jnp.log(share / (1.0 - share))
+        share = share_of(value, lower, upper, inside, xp)
+        return xp.log(share / (1.0 - share))
     return value
 
 
-def share_of(value: Scalar, lower: Scalar, upper: Scalar, inside: float = INSIDE) -> Scalar:
+def share_of(
+    value: Scalar, lower: Scalar, upper: Scalar, inside: float = INSIDE, xp: Any = jnp
+) -> Scalar:
     """Where a value lies between its bounds, from 0 to 1 and as much inside as is asked."""
-    return jnp.clip((value - lower) / (upper - lower), inside, 1.0 - inside)
+    return xp.clip((value - lower) / (upper - lower), inside, 1.0 - inside)

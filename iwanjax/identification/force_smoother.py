@@ -147,7 +147,7 @@ class _Step(NamedTuple):
 def _filtered(system: Augmented, seen: Seen) -> Iterator[_Step]:
     """Kalman's filter of one prior or a batch of them, sample by sample."""
     n = system.F.shape[0]
-    eye, missing = np.eye(n), (0, n - seen.known.shape[1])
+    eye, noise, missing = np.eye(n), np.eye(len(system.H)), (0, n - seen.known.shape[1])
     known = np.pad(seen.known, [(0, 0), missing])
     change, spread = np.pad(seen.jump[0], missing), np.pad(seen.jump[1], [missing, missing])
     P, x = system.P, np.zeros(system.P.shape[:-1])
@@ -158,8 +158,9 @@ def _filtered(system: Augmented, seen: Seen) -> Iterator[_Step]:
             x, P = x + change, P + spread
         H = system.H * weight[:, None]
         v = y * weight - x @ H.T
-        inverse = np.linalg.inv(H @ P @ H.T + np.eye(len(H)))
-        gain = P @ H.T @ inverse
+        across = P @ H.T
+        inverse = np.linalg.inv(H @ across + noise)
+        gain = across @ inverse
         left = eye - gain @ H
         yield _Step(x, P, H, v, inverse, left)
         x = x + (gain @ v[..., None])[..., 0] + known[k]
@@ -176,10 +177,10 @@ def likelihoods(system: Augmented, seen: Seen) -> tuple[np.ndarray, np.ndarray]:
     .. math:: s = \tfrac{1}{n} \sum_k v_k^T S_k^{-1} v_k, \quad
         \ell = -\tfrac{1}{2} \sum_k \ln \det S_k - \tfrac{n}{2} \ln s
     """
-    squares = logs = np.zeros(system.P.shape[:-2])
-    for step in _filtered(system, seen):
-        squares = squares + np.einsum("...i,...ij,...j", step.v, step.inverse, step.v)
-        logs = logs + np.linalg.slogdet(step.inverse)[1]
+    steps = [(step.v, step.inverse) for step in _filtered(system, seen)]
+    v, inverse = (np.stack(x) for x in zip(*steps, strict=True))
+    squares = np.einsum("k...i,k...ij,k...j->...", v, inverse, v)
+    logs = np.sum(np.linalg.slogdet(inverse)[1], axis=0)
     count = np.count_nonzero(seen.weight)
     return 0.5 * logs - 0.5 * count * np.log(squares / count), squares / count
 

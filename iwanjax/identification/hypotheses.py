@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.effects.faults import (
@@ -184,15 +183,14 @@ def with_stiction(
     order = [joint, *(i for i in range(len(problem.joints)) if i != joint)]
     given = problem.joints[joint].given
     values = {info.name: getattr(given, info.name) for info in given.parameters}
-    loose = jnp.append(problem.joints[joint].loose, problem.settings.joint_faults.loose_theta)
-    stuck = Joint(Iwan5(**values, theta=thetas[0]), loose)
+    loose = np.append(problem.joints[joint].loose, problem.settings.joint_faults.loose_theta)
+    stuck = Joint(Iwan5(**values, theta=thetas[0]), jax.device_put(loose))
     joints = (stuck, *(problem.joints[i] for i in order[1:]))
-    at = jnp.asarray(order)
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
         tuple(
-            x[at]
+            jax.device_put(np.asarray(x)[order])
             for x in (
                 problem.predictor.joints,
                 problem.predictor.stiffness,
@@ -237,14 +235,14 @@ def with_joint(
     first = guesses[0]
     strength = first.stiffness * first.slip
     given = Iwan4(F_S=strength, K_T=first.stiffness, chi=-0.5, beta=first.beta)
-    more = Joint(given, jnp.asarray(problem.settings.joint_faults.loose_joint))
+    more = Joint(given, jax.device_put(np.array(problem.settings.joint_faults.loose_joint)))
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
         (
-            jnp.concatenate([problem.predictor.joints, jnp.asarray(place.row)[None]]),
-            jnp.append(problem.predictor.stiffness, 0.0),
-            jnp.append(problem.predictor.within, float(kind.within)),
+            jax.device_put(np.vstack([problem.predictor.joints, place.row])),
+            jax.device_put(np.append(problem.predictor.stiffness, 0.0)),
+            jax.device_put(np.append(problem.predictor.within, float(kind.within))),
         ),
     )
     other = replace(

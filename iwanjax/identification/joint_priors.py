@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -95,8 +96,8 @@ def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:
         if info.name not in values:
             continue
         given = float(getattr(joint.given, info.name))
-        there = to_variable(info.transform, values[info.name], *_bounds(info))
-        z[i] = (there - _origin(info, given)) / _deviation(info, given)
+        there = to_variable(info.transform, values[info.name], *_bounds(info), xp=np)
+        z[i] = (there - _origin(info, given, np)) / _deviation(info, given, np)
         z[i] /= float(np.asarray(joint.loose)[i])
     return z
 
@@ -113,11 +114,11 @@ def _bounds(info: ParameterInfo) -> tuple[float, float]:
     return 0.0, math.inf
 
 
-def _origin(info: ParameterInfo, value: Scalar) -> Scalar:
+def _origin(info: ParameterInfo, value: Scalar, xp: Any = jnp) -> Scalar:
     """The variable of a value that is given, far enough from its bounds to be moved."""
     if info.transform == "log" and info.dimension == "1":
-        value = jnp.maximum(value, _SMALLEST)
-    return to_variable(info.transform, value, *_bounds(info), inside=_LEAST)
+        value = xp.maximum(value, _SMALLEST)
+    return to_variable(info.transform, value, *_bounds(info), inside=_LEAST, xp=xp)
 
 
 def of_logarithm(info: ParameterInfo) -> float:
@@ -125,15 +126,15 @@ def of_logarithm(info: ParameterInfo) -> float:
     return _DEVIATIONS.get(info.dimension, _DEVIATIONS["force"])
 
 
-def _deviation(info: ParameterInfo, value: Scalar) -> Scalar:
+def _deviation(info: ParameterInfo, value: Scalar, xp: Any = jnp) -> Scalar:
     """Prior deviation of the variable about a value that is given."""
     if info.transform == "log":
         return of_logarithm(info)
     if info.transform == "logit":
         low, high = _bounds(info)
-        share = share_of(value, low, high, _LEAST)
+        share = share_of(value, low, high, _LEAST, xp)
         return _OF_EXPONENTS / ((high - low) * share * (1.0 - share))
-    return jnp.abs(value)
+    return xp.abs(value)
 
 
 def parameters_of(joints: Sequence[Joint]) -> int:

@@ -295,4 +295,4 @@ def _analysed(
         np.sqrt(noise.at(0.5 * (edges[1:] + edges[:-1])) * (band[1] - band[0])),
         band,
     )
-    return found, float(curves.amplitude[0] / released)
+    return found, float(np.asarray(curves.amplitude)[0] / released)

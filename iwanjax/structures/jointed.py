@@ -125,7 +125,7 @@ class JointedStructure(eqx.Module):
         self.elements = tuple(elements)
         P = B @ np.asarray(Phi)
         self.basis = ModalBasis(
-            omega**2,
+            jnp.asarray(np.asarray(omega) ** 2),
             Phi,
             jnp.asarray(P),
             jnp.asarray(stiffness),

@@ -152,7 +152,9 @@ def _run(
     theta, row = fit.theta[recording], np.asarray(suspects.row)[slot]
     # What is suspected here is known as it acts: what it is off by is in the unknown force.
     here = _suspected(fit.hypothesis, row)
-    others = suspects._replace(force=suspects.force.at[np.array(here)].set(0.0))
+    others = np.array(suspects.force)
+    others[here] = 0.0
+    others = suspects._replace(force=jax.device_put(others))
     A, H = problem.system(others, theta)
     B, D = problem.opposed(row, others, theta)
     kick, unsure = (np.asarray(x)[recording] for x in (problem.data.kick, problem.data.unsure))

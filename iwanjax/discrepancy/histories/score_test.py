@@ -1,5 +1,6 @@
 """Which suspects would explain what the joints cannot."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -267,7 +268,7 @@ def _drifts(
 
     ``known``, (values, shared), are the columns of what all recordings share.
     """
-    R, size = problem.recordings, problem.data.response[0].size
+    R, size = problem.recordings, math.prod(problem.data.response.shape[1:])
     found = []
     for kind in kinds:
         if not (isinstance(kind, JointKind) and kind.name == "joint_drift") or R < 2:
