@@ -217,7 +217,11 @@ class UnnamedLaw(AbstractJoint):
 
 def _row(values: ArrayLike | tuple[Array, ...]) -> tuple[Array, ...]:
     """The numbers of a row, one by one."""
-    return tuple(as_real(values, "strengths"))
+    row = as_real(values, "strengths")
+    # One by one by JAX, each place would be a compilation of its own.
+    if is_traced(row):
+        return tuple(part[0] for part in jnp.split(row, row.shape[0]))
+    return tuple(jax.device_put(list(np.asarray(row))))
 
 
 def _spring(law: UnnamedLaw) -> SplineSpring:

@@ -1,5 +1,6 @@
 """The general law: each of its parts by another route, and that it never feeds energy."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -115,6 +116,18 @@ def test_dampers_make_up_any_power_of_the_rate(power):
     assert left / np.sqrt(u.size) < (0.15 if power == 0.0 else 0.02)
 
 
+@eqx.filter_jit
+def moved_along(element, d, v, dt):
+    """Forces and losses along a history, and what is stored in the end."""
+
+    def advance(state, ends):
+        found = element.step(*ends, dt, state)
+        return found.state, (found.force, found.loss)
+
+    state, seen = jax.lax.scan(advance, element.init(), (d, v))
+    return *seen, element.energy(d[-1], state)
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.1, 3.0), st.floats(0.2, 4.0))
 def test_no_history_feeds_energy(seed, reach, pace):
@@ -127,16 +140,7 @@ def test_no_history_feeds_energy(seed, reach, pace):
     element, dt = drawn(seed).discrete(), jnp.asarray(t[1] * T * pace)
     v = np.gradient(d, float(dt))
 
-    @jax.jit
-    def run(d, v):
-        def advance(state, ends):
-            found = element.step(*ends, dt, state)
-            return found.state, (found.force, found.loss)
-
-        state, seen = jax.lax.scan(advance, element.init(), (d, v))
-        return *seen, element.energy(d[-1], state)
-
-    force, loss, stored = run(jnp.asarray(d), jnp.asarray(v))
+    force, loss, stored = moved_along(element, jnp.asarray(d), jnp.asarray(v), dt)
     size = float(np.sum(np.abs(force[1:] * np.diff(d))))
     assert np.min(loss) >= -1e-9 * size
     work = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(d)))
