@@ -1,5 +1,7 @@
 """Forces of the rate alone: nothing at rest, an area in a cycle."""
 
+import abc
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -15,6 +17,10 @@ class AbstractRateLaw(AbstractForceLaw):
     """A force of the rate, with one coefficient c. Quasi-statically it carries nothing."""
 
     c: eqx.AbstractVar[Array]
+
+    @abc.abstractmethod
+    def rate_law(self, v: Array) -> tuple[Array, Array]:
+        """Force at a rate, and its slope."""
 
     @property
     def initial_stiffness(self) -> Array:

@@ -1,7 +1,7 @@
 """Many parameter sets of a structure's joints at once, and how well each agrees with the curves."""
 
 import numbers
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import equinox as eqx
@@ -59,7 +59,7 @@ class AbstractParameterSets(AbstractResult):
         """Parameters of one set by name."""
         return {n: float(v) for n, v in zip(self.names, self.values[i], strict=True)}
 
-    def _grid(self, called: str, chosen: Sequence[int], parameters: Sequence[Parameter]) -> Grid:
+    def _grid(self, called: str, chosen: Iterable[int], parameters: Sequence[Parameter]) -> Grid:
         """Both deviations and the free parameters of some sets."""
         free = [i for i, p in enumerate(parameters) if not p.fixed]
         rows = [

@@ -236,10 +236,11 @@ def loops_beside(
 
     def at(shape: float) -> LoopFit | None:
         effect = PlacedEffect(kind, shape)
-        problem = _with_force(alone.problem, effect)
-        if problem is None:
+        found = _with_force(alone.problem, effect)
+        if found is None:
             return None
-        starts = with_sizes(few, kind, float(problem.beside.scale), random)
+        problem, largest = found
+        starts = with_sizes(few, kind, largest, random)
         return searched(effect, problem, starts, settings().steady.loop_runs)
 
     return best_shape(kind, kind.shapes(Scales(loops.largest, 1.0)), at)
@@ -250,16 +251,16 @@ def loops_from_within(simpler: LoopFit, kind: ForceKind) -> LoopFit | None:
 
     def at(shape: float, start: np.ndarray) -> LoopFit | None:
         effect = PlacedEffect(kind, shape)
-        problem = _with_force(simpler.problem, effect)
-        if problem is None:
+        found = _with_force(simpler.problem, effect)
+        if found is None:
             return None
-        return searched(effect, problem, start[None], settings().steady.loop_runs)
+        return searched(effect, found[0], start[None], settings().steady.loop_runs)
 
     return from_within(simpler, kind, simpler.problem.loops.largest, at)
 
 
-def _with_force(base: LoopProblem, effect: PlacedEffect) -> LoopProblem | None:
-    """The joint and a force of some shape; None where it does nothing."""
+def _with_force(base: LoopProblem, effect: PlacedEffect) -> tuple[LoopProblem, float] | None:
+    """The joint and a force of some shape, and its largest size; None where it does nothing."""
     unit = unit_of(effect, base.loops)
     most = float(jnp.max(jnp.abs(unit)))
     if most == 0.0:
@@ -267,7 +268,7 @@ def _with_force(base: LoopProblem, effect: PlacedEffect) -> LoopProblem | None:
     largest = float(jnp.max(jnp.abs(base.loops.force))) / most
     positive = isinstance(effect.kind, ForceKind) and effect.kind.positive
     size = Size(jnp.asarray(largest), jnp.asarray(float(positive)))
-    return eqx.tree_at(lambda p: (p.unit, p.beside), base, (unit, size))
+    return eqx.tree_at(lambda p: (p.unit, p.beside), base, (unit, size)), largest
 
 
 def loops_with_joint(alone: LoopFit, kind: NamedKind, limits: Sequence[LoopFit]) -> LoopFit:
