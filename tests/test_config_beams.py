@@ -1,6 +1,7 @@
 """Study files about the thesis's two finite element beams."""
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -48,9 +49,9 @@ def study_file(tmp_path):
     return write
 
 
-@pytest.fixture(scope="module")
-def shipped():
-    return {name: read_study(CONFIGS / f"{name}_beam.yaml") for name in ("brake_reuss", "sumali")}
+@cache
+def shipped(name):
+    return read_study(CONFIGS / f"{name}_beam.yaml")
 
 
 def ratios(structure):
@@ -160,8 +161,9 @@ def test_a_missing_library_is_told_in_one_line(study_file, tmp_path, monkeypatch
     assert not (tmp_path / "out").exists()
 
 
-def test_the_shipped_brake_reuss_beam_is_the_thesis_s(shipped):
-    study = shipped["brake_reuss"]
+@pytest.mark.long
+def test_the_shipped_brake_reuss_beam_is_the_thesis_s():
+    study = shipped("brake_reuss")
     for label, joint in brake_reuss_joints().items():
         own = study.structure.joints[label.removesuffix(".x")]
         for name in ("F_S", "K_T", "chi", "beta"):
@@ -172,9 +174,10 @@ def test_the_shipped_brake_reuss_beam_is_the_thesis_s(shipped):
     assert_allclose(study.model.structure.K, expected.K)
 
 
-def test_the_shipped_modes_are_the_first_bending_modes_by_shape(shipped):
+@pytest.mark.long
+def test_the_shipped_modes_are_the_first_bending_modes_by_shape():
     """In the plane of x and y nothing moves along z, and bending modes come in their order."""
-    study = shipped["brake_reuss"]
+    study = shipped("brake_reuss")
     omega, Phi = map(np.asarray, study.structure.modes())
     bar = np.stack([study.model.sensors[f"a{i}"] for i in range(1, 13)]) @ Phi[:, :12]
     lateral = np.abs(study.model.sensors["lateral"] @ Phi[:, :12])
@@ -191,8 +194,8 @@ def test_the_shipped_modes_are_the_first_bending_modes_by_shape(shipped):
     assert_allclose(study.qsma.damping, zeta[bending[:3]], rtol=1e-6)
 
 
-def test_the_shipped_sumali_beam_is_the_thesis_s(shipped):
-    study = shipped["sumali"]
+def test_the_shipped_sumali_beam_is_the_thesis_s():
+    study = shipped("sumali")
     for label, joint in sumali_joints().items():
         own = study.structure.joints[label.removesuffix(".x")]
         for name in ("F_S", "K_T", "chi", "beta"):

@@ -98,6 +98,7 @@ def test_other_modes_do_not_pass_for_drift_or_damping():
     np.testing.assert_allclose(found.mass, MASS, rtol=1e-5)
 
 
+@pytest.mark.long
 def test_without_other_modes_none_are_seen_in_noise():
     rng = np.random.default_rng(2)
     columns, _ = measured([1.0, 2.0, 4.0], 2)

@@ -59,7 +59,11 @@ def flowing_signal():
     return np.exp(psi_1) * np.cos(psi_2)
 
 
-@pytest.fixture(scope="module", params=[30.0, 50.0, 70.0], ids="{:.0f}dB".format)
+@pytest.fixture(
+    scope="module",
+    params=[30.0, pytest.param(50.0, marks=pytest.mark.long), 70.0],
+    ids="{:.0f}dB".format,
+)
 def draws(request):
     """For all levels of all draws: amplitude, and per quantity (relative error, deviation)."""
     deviation = np.sqrt(0.5) * 10.0 ** (-request.param / 20.0)

@@ -260,6 +260,7 @@ def test_a_joint_left_out_of_a_linear_mode_is_found():
     assert slider.log_evidence < -100.0
 
 
+@pytest.mark.long
 def test_a_joint_left_out_with_a_hardening_neighbour_is_found():
     """Frequency falls, then turns upward: neither alone does both."""
     q = np.geomspace(1e-6, 3e-4, 24)
