@@ -222,8 +222,8 @@ def directions_of(
     settings: ConditioningSettings = CONDITIONING,
 ) -> int:
     """In how many the states of recordings are uncertain: one that is moving at first in all."""
-    moving = any(each.moving for each in recordings)
-    return max(settings.directions, 2 * made.kept) if moving else settings.directions
+    states = 2 * made.kept
+    return states if any(each.moving for each in recordings) else min(settings.directions, states)
 
 
 def require_usable(each: StudyRecording, settings: ConditioningSettings = CONDITIONING) -> None:
@@ -380,12 +380,12 @@ def _unsure(
         active = np.flatnonzero(force.clean[n])
         columns += [W[:, i] * force.noise[i] for i in active]
         W = step @ W
-    found = np.zeros((2 * kept, settings.directions))
+    found = np.zeros((2 * kept, min(settings.directions, 2 * kept)))
     # After one that never ends there is nothing.
     if columns and not force.endless:
         # Displacements times frequencies: both halves of the state are of one size then.
         size = np.concatenate([np.sqrt(np.maximum(made.omega2, 1.0)), np.ones(kept)])
         U, S, _ = np.linalg.svd(size[:, None] * np.stack(columns, axis=1), full_matrices=False)
-        count = min(settings.directions, len(S))
+        count = min(found.shape[1], len(S))
         found[:, :count] = U[:, :count] * S[:count] / size[:, None]
     return found
