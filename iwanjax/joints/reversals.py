@@ -11,8 +11,6 @@ from jaxtyping import Array, Float, Int
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 
 _DEPTH = 16
-# Of a first reversal's mirror image, and of a reversal.
-_SIGNS = np.array([[-1.0], [1.0]])
 
 
 class MasingJoint(Protocol):
@@ -133,7 +131,8 @@ def _pushed(state: ReversalState, turned: Array) -> ReversalState:
     last = jnp.where(turned, order[count + first], _DEPTH)
     spots = jnp.stack([mirrored, last])[:, None]
     # Products of whole stacks: a choice is made value by value, for each derivative again.
-    new = jnp.sum(jnp.where(spots == place, _SIGNS, 0.0), axis=0)
+    signs = np.array([[-1.0], [1.0]])
+    new = jnp.sum(jnp.where(spots == place, signs, 0.0), axis=0)
 
     def put(x: Array, value: Array) -> Array:
         return (1.0 - jnp.abs(new)) * x + new * value
