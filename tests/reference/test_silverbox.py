@@ -2,7 +2,8 @@
 
 Recordings nobody here made, driven throughout, of 3500 to 40 500 samples; skipped where they are
 not at hand. The linear part comes from the lowest level, by a fit that shares nothing with the
-package; no joint is in the model, and the whole arrow is held out.
+package; no joint is in the model, and the whole arrow is held out. Notebook 09 runs with the others:
+a diagnosis of a part of them.
 """
 
 import json
@@ -55,6 +56,7 @@ def test_the_script_beside_the_model_makes_it(recording, tmp_path):
             np.testing.assert_allclose(made[name], kept[name], rtol=1e-6)
 
 
+@pytest.mark.long
 def test_the_cubic_spring_and_nothing_else_is_found(told, stiffness):
     assert told["failures"] == []
     assert told["verdict"] == "something_missing"
@@ -69,12 +71,14 @@ def test_the_cubic_spring_and_nothing_else_is_found(told, stiffness):
     assert k3["value"] / stiffness == pytest.approx(3.95, rel=0.02)
 
 
+@pytest.mark.long
 def test_the_arrow_is_predicted_to_a_hundredth(told):
     """Those fits leave 0.88 %; with the zero as it is 1.7 %, the linear part as it is 2.7 %."""
     assert told["fit"]["before"]["hold_out"] > 0.25
     assert told["fit"]["after"]["hold_out"] < 0.0105
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "limit"), [("k3.std", 0.4), ("parameter_spread", 0.05)])
 def test_what_is_stated_of_the_spring_is_as_wide_as_fits_differ(told, number, limit):
     """They widen with the low level's misfit over its noise."""
@@ -85,6 +89,7 @@ def test_what_is_stated_of_the_spring_is_as_wide_as_fits_differ(told, number, li
     assert found[number] < limit
 
 
+@pytest.mark.long
 def test_the_noise_is_estimated_beside_the_motion(told):
     """In all parts what linear models cannot predict while little moves: 0.03 to 0.12 mV.
 
