@@ -2,8 +2,8 @@
 
 Recordings nobody here made, driven throughout, of 3500 to 40 500 samples; skipped where they are
 not at hand. The linear part comes from the lowest level, by a fit that shares nothing with the
-package; no joint is in the model, and the whole arrow is held out. Notebook 09 runs with the others:
-a diagnosis of a part of them.
+package; no joint is in the model, and the whole arrow is held out. Notebook 09, which runs without
+being asked for, diagnoses a part of them.
 """
 
 import json
