@@ -3,6 +3,7 @@
 import sys
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,7 +51,7 @@ def study_file(tmp_path):
 
 
 @cache
-def shipped(name):
+def shipped(name: str) -> Any:
     return read_study(CONFIGS / f"{name}_beam.yaml")
 
 
