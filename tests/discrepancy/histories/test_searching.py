@@ -286,19 +286,22 @@ def test_derivatives_come_in_parts_and_are_those_of_the_residuals():
         if c.start.hypothesis.kinds[0].name == "stiffness_error"
     )
     hypothesis, theta = start.hypothesis, problem.still(start.theta)
-    assert theta.shape[1] % 2 == 1
+    count = theta.shape[1]
+    assert count % 2 == 1
     (seen,) = linearise(problem, [(hypothesis, theta)], TIME_CONSTANT)
     step = 1e-3
-    beside = [(hypothesis, theta + sign * step * way) for way in np.eye(9) for sign in (1.0, -1.0)]
+    beside = [
+        (hypothesis, theta + sign * step * way) for way in np.eye(count) for sign in (1.0, -1.0)
+    ]
     found = residuals_at(problem, beside, TIME_CONSTANT)
     slopes = np.stack(
         [(up - down) / (2.0 * step) for up, down in zip(found[::2], found[1::2], strict=True)]
     )
-    for way in range(9):
+    for way in range(count):
         size = np.linalg.norm(slopes[way])
         assert np.linalg.norm(seen.slopes[:, way] - slopes[way]) <= 2e-3 * size
     assert np.linalg.norm(slopes[1]) > 0.0
-    flat = slopes[:, 0].reshape(9, -1)
+    flat = slopes[:, 0].reshape(count, -1)
     np.testing.assert_allclose(seen.normal[0], flat @ flat.T, rtol=1e-2, atol=1e-6)
 
 
