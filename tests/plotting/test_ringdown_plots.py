@@ -175,9 +175,10 @@ def test_plot_knows_both(result, merged):
     ("draw", "message"), [(plot_ringdown, "expects a RingDown"), (plot_merged, "expects Merged")]
 )
 def test_other_objects_are_refused(result, draw, message):
+    before = plt.get_fignums()
     with pytest.raises(ij.InputError, match=f"{message}.*ModalCurves"):
         draw(result.curves)
-    assert not plt.get_fignums()
+    assert plt.get_fignums() == before
 
 
 def test_the_style_does_not_depend_on_global_settings(result):
