@@ -57,9 +57,10 @@ if [ -z "$$python" ]; then \
 fi
 endef
 
+TYPES = $(BIN)/pyright --pythonpath $(BIN)/python
 SYNC = $(PICK_PYTHON); "$(UV)" sync --locked --inexact --python "$$python"
 
-.PHONY: help env demo test lint bench house lock clean FORCE
+.PHONY: help env demo test lint style bench house lock clean FORCE
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-12s%s\n", $$1, $$2}'
@@ -73,13 +74,19 @@ demo: $(CORE) ## two reports in results/: a joint fitted to hammer hits, and wha
 	@echo "what a model lacks: results/concealed_spring/report.html"
 	@echo "a fitted joint:     results/modal_ringdown/report.html"
 
-test: lint ## check style and types, then run the tests
-	$(BIN)/pytest -n 2 --dist worksteal
+test: style ## check style and types, and run the tests
+	@# The type checker keeps one core busy for a minute: beside the tests instead of before them.
+	@types=$$(mktemp); $(TYPES) > "$$types" 2>&1 & checker=$$!; \
+	$(BIN)/pytest -n 2 --dist worksteal; tests=$$?; \
+	wait $$checker; failed=$$?; cat "$$types"; rm -f "$$types"; \
+	exit $$((tests ? tests : failed))
 
-lint: $(TEST) ## check style and types only
+lint: style ## check style and types only
+	$(TYPES)
+
+style: $(TEST)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright --pythonpath $(BIN)/python
 
 bench: $(TEST) ## time the kernels, one process
 	$(BIN)/pytest tests/benchmarks --benchmark-only

@@ -13,6 +13,7 @@ from iwanjax.studies import load_study
 
 MASS, ZETA = 0.7, 0.004
 BAND = np.linspace(0.985, 1.012, 15)
+DRAWS = 200
 
 
 def measured(level, derivatives, *, exponent=0.0, omega_1=600.0, friction=False):
@@ -60,7 +61,7 @@ def test_standard_deviations_are_those_of_repeated_measurements():
     rng = np.random.default_rng(4)
     Z = columns["force"] * np.exp(-1j * columns["phase"])
     found = []
-    for _ in range(400):
+    for _ in range(DRAWS):
         noisy = Z + 20.0 * (rng.standard_normal(Z.shape) + 1j * rng.standard_normal(Z.shape))
         changed = {"force": np.abs(noisy), "phase": -np.angle(noisy)}
         found.append(resonance_from_control(**columns | changed, quantity="displacement"))
@@ -68,9 +69,9 @@ def test_standard_deviations_are_those_of_repeated_measurements():
         values = np.array([getattr(each, name)[0] for each in found])
         claimed = np.array([getattr(each, f"{name}_std")[0] for each in found])
         scatter = np.std(values)
-        assert abs(np.mean(values) - truth) < 4.0 * scatter / np.sqrt(400)
-        # 400 repetitions tell a deviation to 3.5 %, one in sixteen thousand misses it by four.
-        assert np.sqrt(np.mean(claimed**2)) == pytest.approx(scatter, rel=0.14)
+        assert abs(np.mean(values) - truth) < 4.0 * scatter / np.sqrt(DRAWS)
+        # 200 repetitions tell a deviation to 5 %, one in sixteen thousand misses it by four.
+        assert np.sqrt(np.mean(claimed**2)) == pytest.approx(scatter, rel=0.2)
 
 
 def among_others(columns, flexibility):

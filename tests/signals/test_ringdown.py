@@ -61,7 +61,7 @@ def flowing_signal():
 
 @pytest.fixture(
     scope="module",
-    params=[30.0, pytest.param(50.0, marks=pytest.mark.long), 70.0],
+    params=[30.0, *(pytest.param(level, marks=pytest.mark.long) for level in (50.0, 70.0))],
     ids="{:.0f}dB".format,
 )
 def draws(request):
