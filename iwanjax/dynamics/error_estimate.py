@@ -135,7 +135,9 @@ class Estimator(eqx.Module):
         Which joints have sliders.
     size : int
         Steps of the simulation for one of the error.
-    substeps : int
+    sampled_each : bool
+        Whether every step of the simulation ends at a sample.
+    substeps : array
         Steps of the simulation from one sample to the next.
     """
 
@@ -143,7 +145,8 @@ class Estimator(eqx.Module):
     grouped: Stepper
     remember: Bool[Array, " joints"]
     size: int = eqx.field(static=True)
-    substeps: int = eqx.field(static=True)
+    sampled_each: bool = eqx.field(static=True)
+    substeps: Array
 
     def init(self, changing: Array) -> ErrorState:
         """No error yet; ``changing`` says whether forces are in change at the first instant."""
@@ -185,7 +188,7 @@ class Estimator(eqx.Module):
 
     def sampled(self, error: ErrorState, motion: ModalMotion, counts: Array) -> ErrorState:
         """The state at a sample: its motion counts as often as errors are added before it."""
-        if self.substeps == 1:
+        if self.sampled_each:
             return error
         motion = jax.lax.stop_gradient(motion)
         none = jnp.zeros((), counts.dtype)
@@ -213,7 +216,7 @@ class Estimator(eqx.Module):
         g = solved(end, reaction, soft - reaction.stiffness * error.offset - reaction.damping * v)
         motion = by.pushed(free, g)
         now, none = step.after, jnp.zeros((), step.counts.dtype)
-        each = self.substeps == 1
+        each = self.sampled_each
         moved_fast = self.by.fast & jnp.any(modal.P != 0.0, axis=0)
         squares = jnp.stack(
             [

@@ -34,8 +34,11 @@ class Options(NamedTuple):
         Of integration.
     keep : tuple of str
         Quantities.
-    every, substeps : int
-        Samples from one that is kept to the next, steps from one sample to the next.
+    every : int
+        Samples from one that is kept to the next.
+    substeps : int or None
+        Steps from one sample to the next; None where one kernel serves any number of them, which
+        cannot be differentiated in reverse.
     sliders : int or None
         Of an Iwan joint.
     split, error_split : bool
@@ -51,7 +54,7 @@ class Options(NamedTuple):
     method: Method
     keep: tuple[Quantity, ...]
     every: int
-    substeps: int
+    substeps: int | None
     sliders: int | None
     split: bool
     error_split: bool
@@ -113,17 +116,18 @@ def run(
     modal: ModalCoordinates,
     start: list[Array],
     dt: Array,
+    substeps: Array,
     options: Options,
     axes: Any,
 ) -> Run:
-    """Integrate one case, or a batch of them along the given axes."""
+    """Integrate one case, or a batch of them along the given axes, in steps of ``dt``."""
     by = stepper(modal, dt, options.method, options.split)
     grouped = None
     if options.judge and options.method == "exact":
         grouped = stepper(modal, options.group * dt, "exact", options.error_split)
 
     def one(elements: tuple[AbstractJoint, ...], f: Array) -> Run:
-        return _integrate(elements, f, by, grouped, start, options)
+        return _integrate(elements, f, by, grouped, start, substeps, options)
 
     if axes is None:
         return one(elements, f)
@@ -136,6 +140,7 @@ def _integrate(
     by: Stepper,
     grouped: Stepper | None,
     start: list[Array],
+    substeps: Array,
     options: Options,
 ) -> Run:
     """All samples that are kept, and how good they are."""
@@ -146,7 +151,8 @@ def _integrate(
     judged_by_rate = options.judge and joints.rate_dependent
     estimator = None
     if grouped is not None:
-        estimator = Estimator(by, grouped, joints.remember, options.group, options.substeps)
+        each = options.substeps == 1
+        estimator = Estimator(by, grouped, joints.remember, options.group, each, substeps)
 
     def exchange(before: _Point, after: _Point) -> list[Array]:
         f, g = (before.f, after.f), (before.g, after.g)
@@ -186,9 +192,13 @@ def _integrate(
         f, counts = x
         if options.substeps == 1:
             return step(at, x), None
-        parts = jnp.arange(1, options.substeps + 1) / options.substeps
-        between = at.f + parts[:, None] * (f - at.f)
-        at = jax.lax.scan(lambda a, f: (step(a, (f, counts)), None), at, between)[0]
+        begin = at.f
+
+        def part(i: Array, at: _Point) -> _Point:
+            return step(at, (begin + (i + 1) / substeps * (f - begin), counts))
+
+        many = substeps if options.substeps is None else options.substeps
+        at = jax.lax.fori_loop(0, many, part, at)
         if estimator is not None and at.error is not None:
             at = at._replace(error=estimator.sampled(at.error, at.motion, counts))
         return at, None

@@ -250,6 +250,8 @@ def simulate(
         0 if f.ndim == 3 else None,
     )
 
+    traced = is_traced(elements, f, modal, start)
+
     def attempt(substeps: int) -> Run:
         step = dt / substeps
         group = group_size(modal, step, substeps * (f.shape[-2] - 1))
@@ -257,7 +259,7 @@ def simulate(
             method=method,
             keep=tuple(keep),
             every=every,
-            substeps=substeps,
+            substeps=substeps if substeps == 1 or traced else None,
             sliders=sliders,
             split=has_fast_modes(modal, step, method),
             error_split=has_fast_modes(modal, group * step, method),
@@ -265,8 +267,8 @@ def simulate(
             judge=accuracy is not None,
             compare=by_rate and accuracy is not None and method == "exact",
         )
-        step = jnp.asarray(step, f.dtype)
-        return run(elements, f, modal, start, step, options, axes if sizes else None)
+        lengths = jnp.asarray(step, f.dtype), jnp.asarray(substeps)
+        return run(elements, f, modal, start, *lengths, options, axes if sizes else None)
 
     found, substeps = _refined(attempt, substeps, float(dt), method, accuracy)
     kept = dict(found.kept)
