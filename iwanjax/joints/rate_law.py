@@ -14,13 +14,19 @@ from iwanjax.types import ArrayLike, real
 
 
 class AbstractRateLaw(AbstractForceLaw):
-    """A force of the rate, with one coefficient c. Quasi-statically it carries nothing."""
+    r"""A force of the rate alone, :math:`F = f(v; c)`. Quasi-statically it carries nothing.
+
+    Attributes
+    ----------
+    c : array
+        Coefficient, of the unit that makes f a force.
+    """
 
     c: eqx.AbstractVar[Array]
 
     @abc.abstractmethod
     def rate_law(self, v: Array) -> tuple[Array, Array]:
-        """Force at a rate, and its slope."""
+        """Force at a rate v, length/time, and its slope dF/dv, each of the shape of v."""
 
     @property
     def initial_stiffness(self) -> Array:

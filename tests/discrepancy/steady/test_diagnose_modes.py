@@ -113,6 +113,20 @@ def test_others_are_found_too(name):
 
 
 @pytest.mark.long
+def test_what_contains_the_law_that_is_missing_fits_no_worse():
+    """A gap of no width and a slider that never slips are the spring; one number more costs."""
+    several = chain.measured("m2-m3", FORCES["stiffness_error"])
+    tried = ("stiffness_error", "gap_contact", "coulomb_friction")
+    found = verdict(several, hypotheses=tried)
+    evidence = {x.kind.name: x.log_evidence for x in reversed(found.what) if x.where == "m2-m3"}
+    assert set(evidence) == set(tried)
+    best = evidence.pop("stiffness_error")
+    # Frequency and damping of each level.
+    price = 0.5 * np.log(2 * sum(hits[0].amplitude.size for hits in several.values()))
+    assert min(evidence.values()) > best - price - 1.0
+
+
+@pytest.mark.long
 def test_offsets_of_frequencies_are_left_out_of_a_shift():
     curves = chain.measured("m2-m3", FORCES["stiffness_error"])
     found = verdict(curves, reference="shift")
