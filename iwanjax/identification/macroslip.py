@@ -6,6 +6,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from iwanjax.identification.free_values import values_measured
 from iwanjax.identification.joint_priors import Joint, joints_of, located
 from iwanjax.identification.likelihood import scale
 from iwanjax.identification.linearise import residuals_at
@@ -143,7 +144,10 @@ def _weighed(
         points.append((fitted.hypothesis, theta))
     z = fitted.theta.mean(axis=0)[:p]
     misfit = [float(np.sum(e**2)) for e in residuals_at(problem, points, fitted.time_constant)]
-    unit = scale(problem, fitted)
+    # A peak by the loudest moments alone may be an error of the model's own, though it be no larger
+    # than a right model's.
+    allowed = max(float(fitted.misfit.sum()), values_measured(problem))
+    unit = scale(problem, fitted, left=allowed)
     worse = (np.array(misfit) - fitted.misfit.sum()) / unit
     prior = np.array([(z + change) @ (z + change) - z @ z for change in changes.values()])
     # At most as likely as the fit: where it is not the best, that is a peak of no width.

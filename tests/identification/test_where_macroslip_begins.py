@@ -12,6 +12,7 @@ import iwanjax as ij
 from iwanjax.effects.catalogue import CATALOGUE
 from iwanjax.identification.conditioning import conditioned
 from iwanjax.identification.joint_priors import Joint, joints_at
+from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.macroslip import (
     alternatives,
     in_the_middle,
@@ -21,6 +22,7 @@ from iwanjax.identification.multistart import multistart
 from iwanjax.identification.predictor import predictor
 from iwanjax.identification.problem import HistoryProblem, Start
 from iwanjax.identification.recordings import StudyRecording
+from iwanjax.settings.conditioning import CONDITIONING
 
 RATE, N = 1024.0, 700
 TRUE = ij.Iwan4(F_S=20.0, K_T=3e4, chi=-0.5, beta=1.5)
@@ -101,6 +103,21 @@ def test_macroslip_is_open_where_it_was_never_reached():
     # Where it is makes no difference to what was recorded: less than noise does.
     assert abs(middle.misfit.sum() - fit.misfit.sum()) < 30.0
     assert np.count_nonzero(np.asarray(problem.data.weight)) > 500
+
+
+def test_what_a_right_model_may_be_off_by_is_no_macroslip():
+    """The loudest moment goes just beyond: without noise or error it would tell to five digits."""
+    problem, fit = fitted(40.55, 16.0)
+    found = alternatives(problem, fit)
+    assert sum(each.weight for each in found if each.farther > 0) > 0.5
+    there = fit.theta.copy()
+    there[:, :4] += next(each.change for each in found if each.farther > 0)[:4]
+    (seen,) = residuals_at(problem, [(fit.hypothesis, there)], math.inf)
+    weight, response = np.asarray(problem.data.weight), np.asarray(problem.data.response)
+    moved, whole = (seen - fit.residual) ** 2, (weight * response) ** 2
+    # Sixty times as unlikely as the fit by the noise alone, less than the model's own 0.2 %.
+    assert np.sum(seen**2) - fit.misfit.sum() > 2.0 * math.log(60.0)
+    assert math.sqrt(np.sum(moved) / np.sum(whole)) < CONDITIONING.model_error
 
 
 def test_macroslip_is_known_where_it_was_reached():
