@@ -2,6 +2,8 @@
 
 import os
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 
 _FLAGS = (
@@ -38,6 +40,26 @@ def compile_quickly() -> None:
     given = os.environ.get("XLA_FLAGS", "")
     added = [flag for flag in _FLAGS if flag.split("=")[0] not in given]
     os.environ["XLA_FLAGS"] = " ".join([given, *added]).strip()
+
+
+@contextmanager
+def on_the_processor() -> Iterator[None]:
+    """Compute on the processor, whatever JAX's default device is; as context or as decorator.
+
+    For loops over time with little to do in each step, of which an accelerator spends nearly all
+    on starting its kernels. All threads follow while it lasts. Does nothing where JAX was told to
+    leave the processor alone (``JAX_PLATFORMS``).
+    """
+    import jax
+
+    before = jax.config.jax_default_device
+    # Of other platforms than those that JAX may use it knows no device.
+    with suppress(RuntimeError):
+        jax.config.update("jax_default_device", jax.local_devices(backend="cpu")[0])
+    try:
+        yield
+    finally:
+        jax.config.update("jax_default_device", before)
 
 
 def warn_of_slow_loops() -> None:

@@ -2,8 +2,11 @@ import importlib.util
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from types import ModuleType
 
+import jax
 import pytest
 
 from iwanjax import compiler
@@ -84,3 +87,34 @@ def test_slow_loops_are_said_once(monkeypatch, session):
         monkeypatch.setattr(compiler, "version", lambda _, v=jaxlib: v)
         monkeypatch.setenv("XLA_FLAGS", flags)
         compiler.warn_of_slow_loops()
+
+
+def test_the_processor_is_the_default_for_all_threads_while_it_lasts():
+    cpu = jax.local_devices(backend="cpu")[0]
+    with ThreadPoolExecutor(1) as pool:
+        for fails in (False, True):
+            with suppress(ZeroDivisionError), compiler.on_the_processor():
+                assert pool.submit(lambda: jax.config.jax_default_device).result() == cpu
+                assert 1 // (not fails)
+            assert jax.config.jax_default_device is None
+
+
+def test_without_a_processor_to_compute_on_the_default_stays(monkeypatch):
+    def unknown(**_):
+        raise RuntimeError("Unknown backend cpu")
+
+    monkeypatch.setattr(jax, "local_devices", unknown)
+    with compiler.on_the_processor():
+        assert jax.config.jax_default_device is None
+
+
+def test_commands_leave_accelerators_alone_unless_told(tmp_path):
+    """The platforms that JAX may use, by the environment and by default."""
+    code = "import jax; from iwanjax import cli; cli._set_up(); print(jax.config.jax_platforms)"
+    for told, expected in ((None, "cpu"), ("cuda,cpu", "cuda,cpu")):
+        own = {k: v for k, v in os.environ.items() if k != "JAX_PLATFORMS"}
+        own |= {"IWANJAX_CACHE": str(tmp_path)} | ({"JAX_PLATFORMS": told} if told else {})
+        run = subprocess.run(
+            [sys.executable, "-c", code], env=own, capture_output=True, text=True, check=True
+        )
+        assert run.stdout.split() == [expected]

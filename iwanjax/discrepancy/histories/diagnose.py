@@ -9,6 +9,7 @@ from functools import partial
 import jax
 import numpy as np
 
+from iwanjax.compiler import on_the_processor
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.findings import (
     Errors,
@@ -60,6 +61,7 @@ from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
 
+@on_the_processor()
 @one_thread()
 def diagnose_histories(
     structure: JointedStructure,
