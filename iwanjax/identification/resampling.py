@@ -19,6 +19,7 @@ from iwanjax.identification.recordings import (
 from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals.clipping import clipped_samples
 from iwanjax.signals.comparison_band import END
+from iwanjax.signals.sensor_noise import QUIET_BANDS, WHOLE_BAND, in_compared_band
 
 # How far rates may differ that are one.
 _SAME = 1e-6
@@ -135,7 +136,8 @@ def at_rate(
     What is linear between them stays as it was. What the filter cannot know at the ends is cut
     off, unless the recording begins at rest or is periodic; where a force acts at once after rest,
     rest is put before it. Noise is that of the same density, :math:`\sigma\sqrt{f_{new}/f}`, as
-    the filter leaves no white noise to measure it by.
+    the filter leaves no white noise to measure it by; but where it was read off bands, those that
+    remain say more of coloured noise than bands that nobody compares any more.
 
     Parameters
     ----------
@@ -189,7 +191,12 @@ def at_rate(
     of_forces = known.force_noise
     if of_forces is not None:
         of_forces = of_forces.times(math.sqrt(new / rate))
-    return replace(known, response=response[kept], force=force, noise=noise, force_noise=of_forces)
+    found = replace(known, response=response[kept], force=force, noise=None, force_noise=of_forces)
+    if new < rate:
+        by_bands = np.isin(noise.source, (QUIET_BANDS, WHOLE_BAND))
+        felt = None if force is None else cleaned(force).clean
+        noise = noise.where(by_bands, in_compared_band(found.response, felt))
+    return replace(found, noise=noise)
 
 
 def at_one_rate(

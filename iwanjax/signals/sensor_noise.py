@@ -119,6 +119,22 @@ def along_motion(
     return bound.where(smooth & errors.steady, SensorNoise.of(whole, WHOLE_BAND))
 
 
+def in_compared_band(
+    response: Float[np.ndarray, "N sensors"],
+    force: Float[np.ndarray, "N inputs"] | None,
+    settings: ConditioningSettings = CONDITIONING,
+) -> SensorNoise:
+    """Noise of sensors by the band that is compared alone, as after a filter that ends beyond it.
+
+    What a filter has made of white noise can be foretold from one sample to the next, so that
+    one-step errors say nothing; else as :func:`along_motion`.
+    """
+    quiet, whole, smooth = _in_bands(response, force, settings)
+    bound = SensorNoise.of(quiet, QUIET_BANDS)
+    bound = bound._replace(upper=np.fmax(whole.deviation, bound.deviation))
+    return bound.where(smooth, SensorNoise.of(whole, WHOLE_BAND))
+
+
 def in_quiet_bands(
     response: Float[np.ndarray, "N sensors"],
     force: Float[np.ndarray, "N inputs"] | None,

@@ -108,6 +108,23 @@ def test_noise_keeps_its_density(new):
     assert_allclose(np.mean(power[1:low]), new / RATE, rtol=0.05)
 
 
+def test_coloured_noise_is_that_of_the_band_that_is_compared():
+    """Noise of 1/f beside a ringing mode: most of it is in the lowest quarter of the band."""
+    count, new = 8_000, RATE / 4.0
+    rng, f = np.random.default_rng(5), np.fft.rfftfreq(count, 1.0 / RATE)
+    shaped = np.fft.rfft(rng.standard_normal(count)) / np.sqrt(np.maximum(f, f[1]))
+    noise = np.fft.irfft(np.where(f > 0.0, shaped, 0.0), count)
+    t = np.arange(count) / RATE
+    ring = np.exp(-0.01 * OMEGA / 4.0 * t) * np.cos(OMEGA / 4.0 * t)
+    given = StudyRecording("n", (noise / noise.std() + 400.0 * ring)[:, None], None)
+    found = at_rate(given, RATE, new, UNKNOWN)
+    # By frequency, as white noise that has as much of it below 0.4 of the new rate.
+    whole = np.abs(np.fft.rfft(noise / noise.std())) ** 2 / count
+    own = math.sqrt(np.mean(whole[(f > 0.0) & (f < 0.4 * new)]) * new / RATE)
+    assert 0.6 * own < found.noise.deviation[0] < 1.5 * own
+    assert found.noise.upper[0] > 0.8 * own
+
+
 def test_the_lowest_rate_that_shows_all_is_taken():
     fast, slow = 4 * RATE, RATE
     both = [measured(fast), measured(slow, use="hold_out")]
