@@ -52,7 +52,7 @@ def on_the_processor() -> Iterator[None]:
     """
     import jax
 
-    before = jax.config.jax_default_device
+    before = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
     # Of other platforms than those that JAX may use it knows no device.
     with suppress(RuntimeError):
         jax.config.update("jax_default_device", jax.local_devices(backend="cpu")[0])

@@ -89,14 +89,18 @@ def test_slow_loops_are_said_once(monkeypatch, session):
         compiler.warn_of_slow_loops()
 
 
+def default_device():
+    return jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+
+
 def test_the_processor_is_the_default_for_all_threads_while_it_lasts():
     cpu = jax.local_devices(backend="cpu")[0]
     with ThreadPoolExecutor(1) as pool:
         for fails in (False, True):
             with suppress(ZeroDivisionError), compiler.on_the_processor():
-                assert pool.submit(lambda: jax.config.jax_default_device).result() == cpu
+                assert pool.submit(default_device).result() == cpu
                 assert 1 // (not fails)
-            assert jax.config.jax_default_device is None
+            assert default_device() is None
 
 
 def test_without_a_processor_to_compute_on_the_default_stays(monkeypatch):
@@ -105,7 +109,7 @@ def test_without_a_processor_to_compute_on_the_default_stays(monkeypatch):
 
     monkeypatch.setattr(jax, "local_devices", unknown)
     with compiler.on_the_processor():
-        assert jax.config.jax_default_device is None
+        assert default_device() is None
 
 
 def test_commands_leave_accelerators_alone_unless_told(tmp_path):
