@@ -19,15 +19,7 @@ from iwanjax.identification.recordings import (
 from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals.clipping import clipped_samples
 from iwanjax.signals.comparison_band import END
-from iwanjax.signals.noise import at_rest
-from iwanjax.signals.sensor_noise import (
-    BEFORE_FORCE,
-    QUIET_BANDS,
-    WHOLE_BAND,
-    SensorNoise,
-    in_compared_band,
-    louder,
-)
+from iwanjax.signals.sensor_noise import QUIET_BANDS, WHOLE_BAND, in_compared_band
 
 # How far rates may differ that are one.
 _SAME = 1e-6
@@ -144,8 +136,8 @@ def at_rate(
     What is linear between them stays as it was. What the filter cannot know at the ends is cut
     off, unless the recording begins at rest or is periodic; where a force acts at once after rest,
     rest is put before it. Noise is that of the same density, :math:`\sigma\sqrt{f_{new}/f}`, as
-    the filter leaves no white noise to measure it by; but bands that remain say more of coloured
-    noise than bands that nobody compares any more, where that is more than chance.
+    the filter leaves no white noise to measure it by; but where it was read off bands, those that
+    remain say more of coloured noise than bands that nobody compares any more.
 
     Parameters
     ----------
@@ -173,7 +165,7 @@ def at_rate(
     span = math.ceil(by.span * max(1.0, rate / new))
     # A whole number of new samples, so that the first old one stays a sample.
     beyond = down * math.ceil(2 * span / down)
-    resting, periodic = initial == "rest", initial == "periodic"
+    at_rest, periodic = initial == "rest", initial == "periodic"
 
     def filtered(x: np.ndarray, before: str) -> np.ndarray:
         wide = np.pad(x.astype(float), [(beyond, 0), (0, 0)], before)  # type: ignore[call-overload]
@@ -181,8 +173,8 @@ def at_rate(
         wide = np.vstack([wide, np.pad(x, [(0, 2 * span), (0, 0)], after)[len(x) :]])
         return resample_poly(wide, up, down, axis=0, window=taps / taps.sum())
 
-    begin = 0 if resting or periodic else span
-    if resting and recording.force is not None:
+    begin = 0 if at_rest or periodic else span
+    if at_rest and recording.force is not None:
         begin = min(0, cleaned(recording.force.astype(float)).first - span)
     end = len(recording.response) - (0 if periodic else span)
     # Places of the new samples among the old ones.
@@ -193,7 +185,7 @@ def at_rate(
     response[:, ~recording.measured] = np.nan
     force = recording.force
     if force is not None:
-        force = filtered(force, "constant" if resting else before)[kept]
+        force = filtered(force, "constant" if at_rest else before)[kept]
     noise = noise_of(known).where(~np.isnan(given), as_given(given))
     noise = noise.times(math.sqrt(new / rate))
     of_forces = known.force_noise
@@ -204,12 +196,6 @@ def at_rate(
         by_bands = np.isin(noise.source, (QUIET_BANDS, WHOLE_BAND))
         felt = None if force is None else cleaned(force).clean
         noise = noise.where(by_bands, in_compared_band(found.response, felt))
-        before = np.isin(noise.source, BEFORE_FORCE)
-        if np.any(before):
-            low = at_rest(known.quiet, END * new / rate)
-            own = SensorNoise.of(low, BEFORE_FORCE).times(math.sqrt(new / rate))
-            coloured = louder(own, noise, 1.0) | louder(noise, own, 1.0)
-            noise = noise.where(before & coloured, own)
     return replace(found, noise=noise)
 
 

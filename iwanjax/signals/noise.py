@@ -239,30 +239,16 @@ def _quietest(level: np.ndarray, each: float, flat: float) -> NoiseLevel:
     return NoiseLevel(deviation, each * known[last])
 
 
-def at_rest(signal: Float[np.ndarray, "N sensors"], up_to: float = 0.5) -> NoiseLevel:
+def at_rest(signal: Float[np.ndarray, "N sensors"]) -> NoiseLevel:
     """Noise of sensors that see no motion, without lines: mains hum, or a mode that still rings.
 
     A line is what stands out of a spectrum beyond chance (Fisher 1929), from two cycles in the
     record on: slower ones are noise that rises towards low frequencies. Its amplitude, phase and
     frequency are three values that tell no more of the noise.
-
-    Parameters
-    ----------
-    signal : (N, sensors) array
-        Any offset.
-    up_to : float
-        Frequency up to which the noise counts, over the sampling rate: all of it by default.
     """
     each = [_without_lines(column - np.mean(column)) for column in signal.T]
-    N, lines = len(signal), np.array([count for _, count in each])
-    if up_to >= 0.5:
-        freedom = N - 1.0 - 3.0 * lines
-        square = np.array([np.sum(left**2) for left, _ in each])
-        return NoiseLevel(np.sqrt(square / freedom), freedom)
-    values = max(1, int(up_to * N))
-    freedom = np.maximum(2.0 * values - 3.0 * lines, 1.0)
-    spectra = [np.fft.rfft(left)[1 : 1 + values] for left, _ in each]
-    square = np.array([2.0 * np.sum(np.abs(X) ** 2) / N for X in spectra])
+    freedom = np.array([len(signal) - 1.0 - 3.0 * count for _, count in each])
+    square = np.array([np.sum(left**2) for left, _ in each])
     return NoiseLevel(np.sqrt(square / freedom), freedom)
 
 
