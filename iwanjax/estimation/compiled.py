@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.estimation.problem import AbstractLeastSquares
+from iwanjax.estimation.problem import AbstractLeastSquares, residuals_and_slopes_in_variables
 
 
 @eqx.filter_jit
@@ -42,12 +42,20 @@ def run_all(
 
     solver = optx.LevenbergMarquardt(tolerance, tolerance)  # type: ignore[arg-type]
 
-    def residuals(z: Array, problem: AbstractLeastSquares) -> Array:
+    @jax.custom_jvp
+    def residuals(z: Array) -> Array:
         return problem.residuals(problem.to_values(z))
+
+    # The derivatives as a matrix, in one piece with the residuals: a solver that linearises them
+    # itself keeps, and compiles, every step on the way.
+    @residuals.defjvp
+    def _(z: tuple[Array], way: tuple[Array]) -> tuple[Array, Array]:
+        found, slopes = residuals_and_slopes_in_variables(problem, *z)
+        return found, slopes @ way[0]
 
     def run(z: Array) -> tuple[Array, Array, Array, Array, Array]:
         found = optx.least_squares(
-            residuals, solver, z, args=problem, max_steps=most_steps, throw=False
+            lambda z, _: residuals(z), solver, z, max_steps=most_steps, throw=False
         )
         return (
             problem.to_values(found.value),

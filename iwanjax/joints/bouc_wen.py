@@ -1,9 +1,11 @@
 """The Bouc-Wen element: hysteresis that yields gradually and unloads elastically."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -199,12 +201,32 @@ def _sum(values: Array) -> Array:
     return jnp.tensordot(jnp.asarray(_WEIGHT), values, axes=1)
 
 
+@partial(jax.custom_jvp, nondiff_argnums=(3,))
 def _root(target: Array, begin: Array, n: Array, share: float) -> Array:
     """Where the virgin curve's deflection, and a share of its force, is the target; from below."""
-    y = begin
-    for _ in range(_STEPS):
-        off = target - _deflection(y, n) + share * jnp.expm1(-y)
-        # Where next to nothing is left to yield the slope is 1/n, as a quotient of nothings.
-        left = jnp.minimum(y, _LAST)
-        y = y + off / (jnp.exp(-left) / _complement(left, n) + share * jnp.exp(-y))
-    return y
+    target, begin, n = jnp.broadcast_arrays(target, begin, n)
+
+    def step(_: int, y: Array) -> Array:
+        return y + (target - _passed(y, n, share)) / _slope(y, n, share)
+
+    return jax.lax.fori_loop(0, _STEPS, step, begin)
+
+
+@_root.defjvp
+def _(share: float, at: tuple[Array, ...], along: tuple[Array, ...]) -> tuple[Array, Array]:
+    """Implicit: of the equation that is solved, wherever the steps began."""
+    target, begin, n = at
+    y = _root(target, begin, n, share)
+    by_n = jax.jvp(lambda n: _passed(y, n, share), (n,), (along[2],))[1]
+    return y, (along[0] - by_n) / _slope(y, n, share)
+
+
+def _passed(y: Array, n: Array, share: float) -> Array:
+    """Deflection over slip, less a share of the force over F_S."""
+    return _deflection(y, n) - share * jnp.expm1(-y)
+
+
+def _slope(y: Array, n: Array, share: float) -> Array:
+    # Where next to nothing is left to yield it is 1/n, as a quotient of nothings.
+    left = jnp.minimum(y, _LAST)
+    return jnp.exp(-left) / _complement(left, n) + share * jnp.exp(-y)
