@@ -13,7 +13,7 @@ from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.dynamics.energy import accounts, exchanged, held, work_on_joints
 from iwanjax.dynamics.error_estimate import ErrorState, Estimator, Step, fast_share, relative_error
 from iwanjax.dynamics.propagator import Method
-from iwanjax.dynamics.stepping import ModalMotion, Stepper, stepper
+from iwanjax.dynamics.stepping import ModalMotion, Stepper
 from iwanjax.joints import AbstractJoint
 
 Quantity: TypeAlias = Literal[
@@ -41,8 +41,6 @@ class Options(NamedTuple):
         cannot be differentiated in reverse.
     sliders : int or None
         Of an Iwan joint.
-    split, error_split : bool
-        Whether there may be modes that the step is too long for, and so the error's own.
     group : int
         Steps of the simulation for one of its error.
     judge : bool
@@ -56,8 +54,6 @@ class Options(NamedTuple):
     every: int
     substeps: int | None
     sliders: int | None
-    split: bool
-    error_split: bool
     group: int
     judge: bool
     compare: bool
@@ -113,18 +109,18 @@ class _Point(NamedTuple):
 def run(
     elements: tuple[AbstractJoint, ...],
     f: Array,
-    modal: ModalCoordinates,
+    by: Stepper,
+    grouped: Stepper | None,
     start: list[Array],
-    dt: Array,
     substeps: Array,
     options: Options,
     axes: Any,
 ) -> Run:
-    """Integrate one case, or a batch of them along the given axes, in steps of ``dt``."""
-    by = stepper(modal, dt, options.method, options.split)
-    grouped = None
-    if options.judge and options.method == "exact":
-        grouped = stepper(modal, options.group * dt, "exact", options.error_split)
+    """Integrate one case, or a batch of them along the given axes.
+
+    ``grouped`` is one step of the error's own for ``options.group`` of the simulation's; None
+    where nobody judges the run.
+    """
 
     def one(elements: tuple[AbstractJoint, ...], f: Array) -> Run:
         return _integrate(elements, f, by, grouped, start, substeps, options)

@@ -1,8 +1,10 @@
 """The exact map of modes over one step, for forces that are parabolas within it."""
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Array
 
@@ -100,18 +102,32 @@ def _phi(A: Array, xp: Any, doublings: int, terms: int = 16) -> tuple[Array, Arr
     So many terms are exact to the last digit for a part of norm 1, which so many doublings take
     back to A.
     """
-    small = A / 2.0**doublings
-    power = xp.broadcast_to(xp.eye(A.shape[-1]), A.shape)
-    found = [power / math.factorial(k) for k in range(4)]
-    for i in range(1, terms):
-        power = power @ small
-        found = [each + power / math.factorial(i + k) for k, each in enumerate(found)]
-    for _ in range(doublings):
+    small, eye = A / 2.0**doublings, xp.broadcast_to(xp.eye(A.shape[-1]), A.shape)
+
+    def nested(i: Any, series: Array) -> Array:
+        return eye + small @ series / (terms + 3 - i)
+
+    def doubled(_: Any, found: tuple[Array, ...]) -> tuple[Array, ...]:
         E, one, two, three = found
-        found = [
+        return (
             E @ E,
             (E @ one + one) / 2.0,
             (E @ two + one + two) / 4.0,
             (E @ three + one / 2.0 + two + three) / 8.0,
-        ]
-    return found[0], found[1], found[2], found[3]
+        )
+
+    # By the last one's series, and phi_k = 1/k! + A phi_{k+1}.
+    three = _repeated(terms, nested, eye, xp) / 6.0
+    two = eye / 2.0 + small @ three
+    one = eye + small @ two
+    E, one, two, three = _repeated(doublings, doubled, (eye + small @ one, one, two, three), xp)
+    return E, one, two, three
+
+
+def _repeated(count: int, step: Callable[[Any, Any], Any], start: Any, xp: Any) -> Any:
+    """A loop; in a kernel one, too, of which the body is compiled once."""
+    if xp is not np:
+        return jax.lax.fori_loop(0, count, step, start)
+    for i in range(count):
+        start = step(i, start)
+    return start

@@ -144,8 +144,12 @@ def _fast(omega2: Array, dt: Any) -> Array:
     return omega2 * dt**2 >= _FAST**2
 
 
+@eqx.filter_jit
 def stepper(modal: ModalCoordinates, dt: Array, method: Method, split: bool) -> Stepper:
-    """Prepare a step of length ``dt``; ``split`` says whether there may be fast modes."""
+    """Prepare a step of length ``dt``; ``split`` says whether there may be fast modes.
+
+    A kernel of its own: all simulations of structures of one size share it, whatever their joints.
+    """
     linear = propagator(modal.omega2, modal.C, dt, method)
     fast = _fast(modal.omega2, dt)
     average = propagator(modal.omega2, modal.C, dt, "newmark") if split else None

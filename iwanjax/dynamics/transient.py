@@ -16,7 +16,7 @@ from iwanjax.dynamics.energy import Energies, accounts
 from iwanjax.dynamics.error_estimate import group_size, relative_error
 from iwanjax.dynamics.integration import Options, Quantity, Run, run
 from iwanjax.dynamics.propagator import Method
-from iwanjax.dynamics.stepping import has_fast_modes
+from iwanjax.dynamics.stepping import has_fast_modes, stepper
 from iwanjax.errors import AccuracyError, InputError
 from iwanjax.joints.sliders import SLIDERS
 from iwanjax.results import AbstractResult
@@ -261,14 +261,17 @@ def simulate(
             every=every,
             substeps=substeps if substeps == 1 or traced else None,
             sliders=sliders,
-            split=has_fast_modes(modal, step, method),
-            error_split=has_fast_modes(modal, group * step, method),
             group=group,
             judge=accuracy is not None,
             compare=by_rate and accuracy is not None and method == "exact",
         )
-        lengths = jnp.asarray(step, f.dtype), jnp.asarray(substeps)
-        return run(elements, f, modal, start, *lengths, options, axes if sizes else None)
+        by = stepper(modal, jnp.asarray(step, f.dtype), method, has_fast_modes(modal, step, method))
+        grouped, long = None, group * step
+        if options.judge and method == "exact":
+            split = has_fast_modes(modal, long, method)
+            grouped = stepper(modal, jnp.asarray(long, f.dtype), method, split)
+        steps = jnp.asarray(substeps)
+        return run(elements, f, by, grouped, start, steps, options, axes if sizes else None)
 
     found, substeps = _refined(attempt, substeps, float(dt), method, accuracy)
     kept = dict(found.kept)
