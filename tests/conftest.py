@@ -38,7 +38,7 @@ hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 # Each compiled kernel takes some memory mappings, of which Linux gives a process 65 530 unless told
 # otherwise; one too many stops it in the middle of compiling.
-_MOST_MAPPINGS = 30_000
+_MOST_MAPPINGS = 50_000
 
 
 @pytest.fixture(autouse=True, scope="module")

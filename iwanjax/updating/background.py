@@ -1,6 +1,7 @@
 """Damping of a structure's modes beside its joints, as parameters of a fit."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -57,6 +58,23 @@ def viscous_ratios(structure: JointedStructure, modes: Sequence[int]) -> np.ndar
     phi = np.asarray(structure.basis.Phi)[:, list(modes)]
     omega = np.sqrt(np.asarray(structure.basis.omega2)[list(modes)])
     return np.sum(phi * (np.asarray(structure.structure.C) @ phi), axis=0) / (2.0 * omega)
+
+
+def as_damped_in(
+    structure: JointedStructure,
+    other: JointedStructure,
+    modes: Sequence[int],
+    parameters: Sequence[Parameter],
+) -> tuple[Parameter, ...]:
+    """Damping of a structure's modes, of which some is held at what C gives another's.
+
+    With one more joint, modes are other ones: the same C damps them differently.
+    """
+    ratios = (viscous_ratios(each, modes) for each in (structure, other))
+    return tuple(
+        replace(p, value=float(here)) if p.fixed and p.value == there else p
+        for p, here, there in zip(parameters, *ratios, strict=True)
+    )
 
 
 def background_parameters(

@@ -34,6 +34,7 @@ from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.quasistatic.single_harmonic import Backbones, OfJoint, backbones
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure
+from iwanjax.updating.background import as_damped_in
 from iwanjax.updating.problem import Measured, Reference
 from iwanjax.updating.structural import StructuralProblem, joint_parameters, structural_problem
 
@@ -307,7 +308,8 @@ def modes_with_joint(
     def fitted(given: Iwan4, starts: np.ndarray) -> ModesFit:
         more = JointedStructure(structure.structure, {**_joints(structure), _LABEL: (row, given)})
         others = joint_parameters(_LABEL, given).values()
-        both = (*parameters[:first], *others, *parameters[first:])
+        damping = as_damped_in(more, structure, base.modes, parameters[first:])
+        both = (*parameters[:first], *others, *damping)
         base_more = structural_problem(more, curves, both, base.modes, None, groups, base.reference)
         return modes_alone(base_more, starts, tuple(range(first, first + JOINT_VALUES)))
 
