@@ -69,6 +69,7 @@ def test_the_table_of_laws_lists_it():
     assert line.endswith("Shock absorber with a relief valve: F = c w tanh(v/w)")
 
 
+@pytest.mark.long
 def test_a_diagnosis_finds_it_at_its_place():
     rivals = ("viscous_damping", "quadratic_damping", "coulomb_friction", "cubic_stiffness")
     found = diagnosed(lambda: lambda d, v, moved: force(v), (*rivals, "relieved_damper"))

@@ -26,6 +26,7 @@ def found():
     return diagnosed(root_damper, NAMES)
 
 
+@pytest.mark.long
 def test_the_place_comes_first_and_no_name_is_believed(found):
     first, *others = found.what
     assert first.label == "unnamed_law@m1-m2"
@@ -38,6 +39,7 @@ def test_the_place_comes_first_and_no_name_is_believed(found):
     assert found.before.hold_out > 100.0 * found.noise_floor.hold_out
 
 
+@pytest.mark.long
 def test_it_is_said_what_it_is_like(found):
     told = found.unnamed.description
     assert told.startswith("damping that grows with the rate to the power 0.5")
@@ -51,6 +53,7 @@ def test_it_is_said_what_it_is_like(found):
     assert plot_unnamed(found).axes
 
 
+@pytest.mark.long
 def test_its_force_is_that_of_the_root_and_the_model_moves_by_it(found, tmp_path):
     law = UnnamedLaw.load(found.unnamed.law.save(tmp_path / "law.npz"))
     d, force = found.unnamed.path

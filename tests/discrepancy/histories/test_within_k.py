@@ -57,6 +57,7 @@ def microslip():
     return law
 
 
+@pytest.mark.long
 def test_a_joint_left_out_that_sticks_in_k_is_found_and_taken_out_of_it():
     names = ("coulomb_friction", "stiffness_error", "viscous_damping", "iwan_joint")
     found = diagnosed(microslip, names)
