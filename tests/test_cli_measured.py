@@ -102,13 +102,15 @@ def test_the_report_stands_on_its_own(fitted):
     assert "<script" not in page
 
 
-def test_a_posterior_is_not_sampled_twice(study, tmp_path):
+def test_a_posterior_is_not_sampled_twice(study, tmp_path, monkeypatch):
     result = run("posterior", study, "--out", tmp_path)
     assert result.exit_code == 0, result.stderr
     (mode,) = json.loads((tmp_path / "posterior.json").read_text())["posteriors"]
     # 300 steps do not suffice, which is said.
     assert not mode["enough"]
     chain = np.load(tmp_path / "posterior.npz")["mode1_chain"]
+    # A second walk from the same seed would be the same: none may be taken.
+    monkeypatch.setattr("iwanjax.updating.sampling._walked", None)
     again = run("posterior", study, "--out", tmp_path)
     assert again.exit_code == 0, again.stderr
     assert_allclose(np.load(tmp_path / "posterior.npz")["mode1_chain"], chain, rtol=1e-12)

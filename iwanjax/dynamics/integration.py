@@ -12,7 +12,6 @@ from iwanjax.dynamics.balance import Joints, StepEnd, balance
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.dynamics.energy import accounts, exchanged, held, work_on_joints
 from iwanjax.dynamics.error_estimate import ErrorState, Estimator, Step, fast_share, relative_error
-from iwanjax.dynamics.propagator import Method
 from iwanjax.dynamics.stepping import ModalMotion, Stepper
 from iwanjax.joints import AbstractJoint
 
@@ -30,8 +29,6 @@ class Options(NamedTuple):
 
     Attributes
     ----------
-    method : {"exact", "newmark"}
-        Of integration.
     keep : tuple of str
         Quantities.
     every : int
@@ -49,7 +46,6 @@ class Options(NamedTuple):
         Whether the modes' motion is kept, to compare runs by.
     """
 
-    method: Method
     keep: tuple[Quantity, ...]
     every: int
     substeps: int | None

@@ -125,7 +125,7 @@ def _phi(A: Array, xp: Any, doublings: int, terms: int = 16) -> tuple[Array, Arr
 
 
 def _repeated(count: int, step: Callable[[Any, Any], Any], start: Any, xp: Any) -> Any:
-    """A loop; in a kernel one, too, of which the body is compiled once."""
+    """What so many steps make of a start; a kernel compiles one step, not all of them."""
     if xp is not np:
         return jax.lax.fori_loop(0, count, step, start)
     for i in range(count):

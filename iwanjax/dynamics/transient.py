@@ -256,7 +256,6 @@ def simulate(
         step = dt / substeps
         group = group_size(modal, step, substeps * (f.shape[-2] - 1))
         options = Options(
-            method=method,
             keep=tuple(keep),
             every=every,
             substeps=substeps if substeps == 1 or traced else None,

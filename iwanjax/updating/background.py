@@ -66,9 +66,18 @@ def as_damped_in(
     modes: Sequence[int],
     parameters: Sequence[Parameter],
 ) -> tuple[Parameter, ...]:
-    """Damping of a structure's modes, of which some is held at what C gives another's.
+    """Parameters of another structure's damping, those held at what C gives it moved to this one.
 
     With one more joint, modes are other ones: the same C damps them differently.
+
+    Parameters
+    ----------
+    structure, other : JointedStructure
+        Of one C.
+    modes : sequence of int
+        Elastic modes, lowest 0, of each parameter.
+    parameters : sequence of Parameter
+        Damping ratios of the other's modes, 1; what is free, or fixed at another value, stays.
     """
     ratios = (viscous_ratios(each, modes) for each in (structure, other))
     return tuple(

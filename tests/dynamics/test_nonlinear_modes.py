@@ -26,7 +26,15 @@ def test_oscillator_follows_the_first_harmonic_closed_form():
 
 
 @pytest.mark.parametrize(
-    "levels", [[0.5, 2.0], [0.5, 1e3], [1e3, 2.0, 0.5], [2.0], [1e-3, 1e3, 1e-2, 1e2]]
+    "levels",
+    # As many in all but one, for one kernel.
+    [
+        [0.5, 2.0, 0.5, 2.0],
+        [0.5, 1e3, 0.5, 1e3],
+        [1e3, 2.0, 0.5, 1e3],
+        [2.0],
+        [1e-3, 1e3, 1e-2, 1e2],
+    ],
 )
 @pytest.mark.parametrize(
     "joint", [ij.Jenkins(F_S=1.0, K_T=1.0), ij.Iwan4(F_S=1.0, K_T=1.0, chi=-0.5, beta=1.0)]
@@ -34,8 +42,7 @@ def test_oscillator_follows_the_first_harmonic_closed_form():
 def test_a_level_may_be_any_multiple_of_the_last(joint, levels):
     # The frequency used to run away, 8.5e15 Hz at the second level, and count as balanced.
     system = ij.oscillator(stiffness=3.0, joint=joint, zeta=0.01)
-    # As many for all, for one kernel.
-    levels = np.resize(levels, 4)
+    levels = np.asarray(levels)
     curves = nonlinear_modes(system, 0, levels, harmonics=ODD)
     closed = ij.ModalOscillator(2.0 / (2 * np.pi), 0.01, joint)
     frequency, damping = closed.frequency_and_damping(levels)

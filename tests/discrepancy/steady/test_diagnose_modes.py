@@ -1,5 +1,6 @@
 """What a structure lacks beside its joint, by curves of its modes: from NumPy's own sliders."""
 
+import dataclasses
 import json
 
 import bolted_chain as chain
@@ -15,6 +16,7 @@ from iwanjax.errors import InputError
 from iwanjax.identification.steady.cycle import beside
 from iwanjax.plotting import plot_diagnosis, plot_explained
 from iwanjax.quasistatic.modal import about
+from iwanjax.updating.background import as_damped_in
 
 STIFFNESS = chain.TRUTH["K_T"]
 FORCES = {
@@ -99,6 +101,22 @@ def test_the_pictures_show_all_modes(told):
     figure = plot_explained(told["cubic_stiffness"])
     assert [ax.get_title(loc="left") for ax in figure.axes[::4]] == ["mode 0", "mode 1", "mode 2"]
     assert len(plot_diagnosis(told["none"]).axes) >= 1
+
+
+def test_a_joint_more_changes_what_a_given_c_damps_modes_by(curves):
+    """One ratio in all modes with the joint stuck; without it not."""
+    modes = sorted(curves["none"])
+    first = [curves["none"][mode][0] for mode in modes]
+    linear = ij.LinearStructure(chain.M, chain.damping(), chain.K)
+    spring = {"J1": (chain.ROWS["J1"], ij.LinearSpring(chain.TRUTH["K_T"]))}
+    bare, stuck = (ij.JointedStructure(linear, joints) for joints in ({}, spring))
+    held = list(modes_parameters(bare, first, modes).values())
+    assert max(abs(p.value / chain.ZETA - 1.0) for p in held) > 0.05
+    held[1] = dataclasses.replace(held[1], value=1e-3)
+    held[2] = dataclasses.replace(held[2], fixed=False)
+    moved = [p.value for p in as_damped_in(stuck, bare, modes, held)]
+    # Fixed at a value of one's own, or free, a ratio stays.
+    assert moved == pytest.approx([chain.ZETA, 1e-3, held[2].value], rel=1e-9)
 
 
 @pytest.mark.long
