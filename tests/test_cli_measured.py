@@ -5,6 +5,7 @@ import json
 import shutil
 from pathlib import Path
 
+import emcee
 import h5py
 import numpy as np
 import pytest
@@ -110,7 +111,7 @@ def test_a_posterior_is_not_sampled_twice(study, tmp_path, monkeypatch):
     assert not mode["enough"]
     chain = np.load(tmp_path / "posterior.npz")["mode1_chain"]
     # A second walk from the same seed would be the same: none may be taken.
-    monkeypatch.setattr("iwanjax.updating.sampling._walked", None)
+    monkeypatch.setattr(emcee.EnsembleSampler, "run_mcmc", None)
     again = run("posterior", study, "--out", tmp_path)
     assert again.exit_code == 0, again.stderr
     assert_allclose(np.load(tmp_path / "posterior.npz")["mode1_chain"], chain, rtol=1e-12)
