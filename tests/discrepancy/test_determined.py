@@ -51,7 +51,7 @@ def test_a_gain_has_no_size_in_a_free_decay(free):
     """A sensor that shows 0.87 of the motion: known by the force, and by nothing without it."""
     response = 0.87 * struck(lambda d: 0.0)
     noise = 1e-3 * np.std(response) * np.random.default_rng(0).standard_normal(response.shape)
-    shown = resolution(response + noise, replace(JOINT, F_S=1e7), names=("sensor_gain",))
+    shown = resolution(response + noise, replace(JOINT, F_S=1e7))
     if free:
         # From after the blow on, the state then unknown.
         decay = StudyRecording("decay", (response + noise)[int(0.08 * RATE) :], None)

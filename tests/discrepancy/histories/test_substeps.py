@@ -16,7 +16,7 @@ from iwanjax.identification.multistart import multistart
 from iwanjax.identification.problem import HistoryProblem, Start
 from iwanjax.identification.step_errors import changed, of_own_motion
 
-MANY = 16
+MANY = 32
 # A joint that slips, and a mode that turns by 1.4 radians from sample to sample.
 SLIPPING, EVERY = replace(JOINT, F_S=3.0), 6
 
@@ -59,16 +59,17 @@ def test_a_fast_mode_is_taken_with_more_steps(coarse, exact):
     assert coarse.of_free_run(there, given) is there
 
 
-def test_steps_that_are_chosen_leave_less_than_is_allowed():
-    """While effects are compared, 0.4 of a deviation: against many more steps."""
-    taken = resolution(struck(lambda d: 0.0), SLIPPING, every=4)
-    now, many = taken.of_model().problem, taken.with_substeps(MANY).problem
-    assert off(now, many, TIME_CONSTANT) < 0.4
+def test_steps_that_are_chosen_leave_what_is_allowed():
+    """Against many more steps; of a joint that slips it is foreseen to within a half."""
+    taken = resolution(struck(lambda d: 0.0), SLIPPING, every=3)
+    now, many = taken.of_model(), taken.with_substeps(MANY).problem
+    assert now.sides.left_by_steps == 0.0
+    assert off(now.problem, many, TIME_CONSTANT) < 1.5 * taken.settings.steps.compared
 
 
 def test_what_the_most_steps_leave_is_told(coarse):
     """A joint that slips within a few samples; where fewer steps are enough nothing is told."""
-    now, many = coarse.of_model(), coarse.with_substeps(2 * MANY).problem
+    now, many = coarse.of_model(), coarse.with_substeps(MANY).problem
     left = off(now.problem, many, TIME_CONSTANT)
     assert now.sides.left_by_steps == pytest.approx(left, rel=0.5)
     assert any("time integration" in line for line in now.sides.warnings())
@@ -93,7 +94,7 @@ def test_of_a_linear_model_steps_are_exact():
     taken = resolution(struck(lambda d: 0.0), stuck)
     A = np.array([[0.0, 1.0], [-6e4, -2.5]])
     predicted = []
-    for steps in (2, 3):
+    for steps in (2, 4):
         made = taken.with_substeps(steps).problem
         e = innovations(made, made.nothing(), made.still(made.map.given()), math.inf)[0]
         predicted.append(np.asarray(made.data.response)[0] - e)
