@@ -26,6 +26,8 @@ JOINT = 3e4
 """Stiffness of the joint between the masses, N/m, beside K."""
 ROWS = {"m1": np.array([1.0, 0.0]), "m2": np.array([0.0, 1.0]), "J1": np.array([-1.0, 1.0])}
 C = 2e-5 * K + 0.4 * np.eye(2)
+# Enough for tests of many kinds to share one set of kernels.
+NAMES = ("stiffness_error", "viscous_damping", "mass_error", "cubic_stiffness", "gap_contact")
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 

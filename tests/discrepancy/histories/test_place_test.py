@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy.stats
-from linear_pair import JOINT, ROWS, C, K, measured_force, problem, simulated
+from linear_pair import JOINT, NAMES, ROWS, C, K, measured_force, problem, simulated
 
 from iwanjax.discrepancy.findings import PlaceEvidence
 from iwanjax.discrepancy.histories.place_test import (
@@ -27,7 +27,6 @@ from iwanjax.identification.linearise import linearise
 from iwanjax.identification.multistart import HypothesisFit, multistart
 from iwanjax.identification.problem import HistoryProblem, Start
 
-NAMES = ("stiffness_error", "viscous_damping", "mass_error", "cubic_stiffness", "gap_contact")
 HITS = ((60.0, 0), (25.0, 1))
 NOISE = np.array([0.3, 0.2])
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 import scipy.stats
-from linear_pair import JOINT, ROWS, C, K, M, measured_force, problem, simulated
+from linear_pair import JOINT, NAMES, ROWS, C, K, M, measured_force, problem, simulated
 
 from iwanjax.discrepancy.histories.score_test import Candidate, score_test
 from iwanjax.effects.catalogue import CATALOGUE
@@ -51,7 +51,7 @@ def recorded(name: str, size: float, where: str = "m2", noisy: bool = True) -> P
     clean = [simulated(peak, struck=struck, **changed) for peak, struck in HITS]
     seen = [y + noisy * NOISE * random.standard_normal(y.shape) for y in clean]
     forces = [measured_force(peak, struck) for peak, struck in HITS]
-    made, places = problem(seen, forces, NOISE, names=FORCES)
+    made, places = problem(seen, forces, NOISE, names=NAMES)
     return Pair(made, places, at_its_best(made))
 
 
