@@ -210,9 +210,12 @@ def diagnosed(recordings: list[StudyRecording], trust: LinearTrust | None) -> ij
 
 
 def test_errors_within_the_trust_are_not_missing_physics(recordings):
-    """Which they are where the model is taken to be exact."""
-    assert diagnosed(recordings, None).detected
     found = diagnosed(recordings, TRUST)
     assert found.verdict.name == "nothing_missing"
     assert [each.name for each in found.modes] == ["mode 1", "mode 2"]
     assert found.after.hold_out < 1.2 * found.noise_floor_95.hold_out
+
+
+@pytest.mark.long
+def test_errors_of_a_model_that_is_taken_to_be_exact_are_missing_physics(recordings):
+    assert diagnosed(recordings, None).detected

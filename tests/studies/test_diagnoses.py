@@ -26,7 +26,7 @@ def oscillator():
 @pytest.fixture(scope="module")
 def histories():
     said: list[str] = []
-    measured = [forced.recording(900, 400.0, seed) for seed in (1, 2)]
+    measured = [forced.recording(900, 60.0, seed) for seed in (1, 2)]
     uses = ("fit", "hold_out")
     recordings = [
         ij.Measurement(

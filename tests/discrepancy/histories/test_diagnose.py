@@ -132,6 +132,7 @@ def test_what_the_parameters_leave_open_is_less_than_the_noise_where_they_were_f
     assert fit["parameter_spread"]["hold_out"] > 0.0
 
 
+@pytest.mark.long
 def test_free_decays_without_force_show_it_as_well(told, tmp_path):
     """From some milliseconds after the hammer has let go, the state then unknown."""
     _, truth, out = told(FRICTION)

@@ -241,7 +241,12 @@ UNKNOWN = np.full(2, np.nan)
 
 
 @pytest.mark.parametrize(
-    ("quantity", "force_noise"), [("velocity", 0.0), ("acceleration", 0.2), ("velocity", 2.0)]
+    ("quantity", "force_noise"),
+    [
+        ("velocity", 0.0),
+        ("acceleration", 0.2),
+        pytest.param("velocity", 2.0, marks=pytest.mark.long),
+    ],
 )
 def test_the_floor_is_what_a_right_model_leaves(quantity, force_noise):
     """In the mean of many hits; of each, within the scatter of so few ways as noise goes."""
@@ -256,7 +261,9 @@ def test_the_floor_is_what_a_right_model_leaves(quantity, force_noise):
         assert np.std(shares) == pytest.approx(expected, rel=0.35)
 
 
-@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+@pytest.mark.parametrize(
+    "quantity", [pytest.param("velocity", marks=pytest.mark.long), "acceleration"]
+)
 def test_the_floor_holds_what_the_noise_of_a_lasting_force_leaves(quantity):
     """Of the sensors' noise alone a right model would be refuted."""
     shaken, draws = Shaken(quantity, 0.004 * PEAK), CONDITIONING.force_draws
@@ -270,7 +277,12 @@ def test_the_floor_holds_what_the_noise_of_a_lasting_force_leaves(quantity):
 
 
 @pytest.mark.parametrize(
-    ("response", "force_noise", "above"), [(1.0, 0.0, 1.02), (0.1, 2.0, 1.3), (1.0, 1.0, 1.1)]
+    ("response", "force_noise", "above"),
+    [
+        (1.0, 0.0, 1.02),
+        (0.1, 2.0, 1.3),
+        pytest.param(1.0, 1.0, 1.1, marks=pytest.mark.long),
+    ],
 )
 def test_one_right_model_of_twenty_exceeds_the_floor_of_95_per_cent(response, force_noise, above):
     """Of the sensors' noise alone, which varies little; of the force's, which goes a few ways
@@ -284,7 +296,7 @@ def test_one_right_model_of_twenty_exceeds_the_floor_of_95_per_cent(response, fo
     assert np.mean([each.floor_95 / each.floor for each in runs]) > above
 
 
-@pytest.mark.parametrize("before", [24, 80])
+@pytest.mark.parametrize("before", [24, pytest.param(80, marks=pytest.mark.long)])
 def test_the_floor_of_95_per_cent_allows_for_an_estimated_noise(before):
     """Noise told by a few samples: without its own doubt 19 to 42 of a hundred exceeded it."""
     hits = Hits("velocity", 0.0)

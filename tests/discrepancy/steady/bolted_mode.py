@@ -16,6 +16,11 @@ RATE, SECONDS, STEPS = 2048.0, 4.0, 8
 LEVELS = (2.5, 1.2, 0.4, 1.6)
 """Velocities after the hits over omega_0 phi_max; the last is held out."""
 
+COUNTS = (16, 21, 25, 21)
+"""Levels of each hit's curve, the loudest: as many whatever acts, for one compiled search."""
+
+COLUMNS = ("amplitude", "frequency", "damping", "frequency_std", "damping_std")
+
 CyclicForce = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(displacement, velocity) -> force per unit modal mass."""
 
@@ -57,6 +62,18 @@ def measured(
     noise = np.random.default_rng(seed).standard_normal(v.shape)
     v = v + 10.0 ** (noise_db / 20.0) * np.abs(v).max(axis=0) * noise
     return [
-        ringdown(hit, RATE, (90.0, 150.0), "velocity", unit="m/s", name=f"hit{i}").curves
-        for i, hit in enumerate(v.T, 1)
+        _loudest(ringdown(hit, RATE, (90.0, 150.0), "velocity", unit="m/s").curves, count, i)
+        for i, (hit, count) in enumerate(zip(v.T, COUNTS, strict=True), 1)
     ]
+
+
+def _loudest(curves: ij.ModalCurves, count: int, hit: int) -> ij.ModalCurves:
+    """The first levels of a decay."""
+    first = {name: np.asarray(getattr(curves, name))[:count] for name in COLUMNS}
+    return ij.ModalCurves(
+        **first,
+        quantity=curves.quantity,
+        unit=curves.unit,
+        name=f"hit{hit}",
+        largest=curves.largest,
+    )

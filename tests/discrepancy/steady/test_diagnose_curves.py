@@ -7,7 +7,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from bolted_mode import TRUTH, decays, measured
+from bolted_mode import COLUMNS, TRUTH, decays, measured
 from typer.testing import CliRunner
 
 import iwanjax as ij
@@ -40,7 +40,7 @@ ELEMENTS = {
     "coulomb_friction": ij.Jenkins(2e-6, 1.0),
     "quadratic_damping": ij.QuadraticDrag(1.0),
 }
-MODES, LEVELS = ("plain", "hardening"), 20
+MODES = ("plain", "hardening")
 SHAPES = {"gap_contact": 3e-5, "coulomb_friction": 2e-6}
 
 
@@ -194,11 +194,8 @@ def written(told, tmp_path_factory):
     for mode, name in (("plain", "none"), ("hardening", "cubic_stiffness")):
         for i, curve in enumerate(told[name].runs[0].measured):
             file, use = f"{mode}{i}.csv", "hold_out" if i == 3 else "fit"
-            # As many levels for both, so that they share a compiled search.
-            columns = [
-                np.asarray(getattr(curve.as_quantity("displacement"), each))[:LEVELS]
-                for each in ("amplitude", "frequency", "damping", "frequency_std", "damping_std")
-            ]
+            seen = curve.as_quantity("displacement")
+            columns = [np.asarray(getattr(seen, each)) for each in COLUMNS]
             header = "amplitude,frequency_hz,damping,frequency_std,damping_std"
             np.savetxt(
                 folder / file, np.transpose(columns), delimiter=",", header=header, comments=""

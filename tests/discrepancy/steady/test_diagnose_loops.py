@@ -56,7 +56,7 @@ def test_nothing_is_missing_from_a_joint_that_is_all(steady):
     assert told.after.hold_out < 1.2 * told.noise_floor.hold_out
 
 
-@pytest.mark.parametrize("steady", [False, True])
+@pytest.mark.parametrize("steady", [pytest.param(False, marks=pytest.mark.long), True])
 def test_a_cubic_spring_beside_it_is_found(steady):
     told = verdict("cubic_stiffness", steady)
     assert told.detected
