@@ -90,6 +90,7 @@ def test_refused_cases_are_left_out():
     assert refused | numbers == {case.number for case in plan()}
 
 
+@pytest.mark.long
 def test_a_structure_that_is_thrown_rings_in_the_modes_it_was_thrown_in(tmp_path):
     for kind, both in (("none", False), ("modal_coupling", True)):
         case = next(c for c in MODAL_CASES if c.kind == kind and c.structure.name == "chain3")

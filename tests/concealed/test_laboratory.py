@@ -171,6 +171,7 @@ def test_nuisances_have_their_size_and_colour():
     assert np.abs(passed[50000:]).max() == pytest.approx(np.sqrt(0.5), rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_case_is_the_same_every_time_and_says_what_it_needs(tmp_path):
     case = next(c for c in lab_cases() if c.line[:2] == ("chain2", "hammer"))
     for name in ("first", "second"):

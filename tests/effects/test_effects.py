@@ -3,6 +3,7 @@
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -31,12 +32,14 @@ def test_an_effect_is_its_joint_driven_along_the_same_motion(kind: ForceKind):
     # The acceleration that a discrete element sees: see its docstring.
     a = np.diff(rates, prepend=rates[0]) / dt
     a[2:] = (1.5 * rates[2:] - 2.0 * rates[1:-1] + 0.5 * rates[:-2]) / dt
-    memory, found = jnp.zeros(()), []
-    for at in zip(d, rates, a, rates * dt, np.full(d.shape, dt), strict=True):
-        unit, memory = kind.unit_force(
-            PlaceMotion(*map(jnp.asarray, at)), jnp.asarray(shape), memory
-        )
-        found.append(size * float(unit))
+    along = PlaceMotion(*map(jnp.asarray, (d, rates, a, rates * dt, np.full(d.shape, dt))))
+
+    def step(memory: Array, at: PlaceMotion) -> tuple[Array, Array]:
+        unit, memory = kind.unit_force(at, jnp.asarray(shape), memory)
+        return memory, unit
+
+    _, unit = jax.lax.scan(step, jnp.zeros(()), along)
+    found = size * np.asarray(unit)
     assert np.ptp(found) > 0.0
     np.testing.assert_allclose(found, force, rtol=1e-12, atol=1e-15)
 
