@@ -23,6 +23,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg
 
 from iwanjax.errors import InputError
+from iwanjax.threads import one_thread
 
 # SciPy's type stubs do not know the shapes of its sparse arrays.
 Sparse: TypeAlias = Any
@@ -115,6 +116,8 @@ class _Bordered:
         return values[order], shapes[:, order]
 
 
+# Products with a hundred columns: a second thread of BLAS takes four times the processor time.
+@one_thread()
 def craig_bampton(
     M: Sparse,
     K: Sparse,
@@ -184,6 +187,7 @@ def craig_bampton(
     return CraigBampton(mass, stiffness, basis, np.sqrt(lam) / (2 * np.pi), residual)
 
 
+@one_thread()
 def full_modes(
     M: Sparse,
     K: Sparse,
