@@ -237,6 +237,7 @@ def test_response_control_at_eight_levels_recovers_the_curves(quantity):
     np.testing.assert_allclose(curves.damping, damping, rtol=2e-2)
 
 
+@pytest.mark.long  # its two halves are shown by the test above and by that of several joints
 @pytest.mark.reference
 def test_force_from_control_drives_time_integration_to_the_level():
     oscillator = ij.ModalOscillator(F_0, 0.03, IWAN)
