@@ -2,6 +2,7 @@
 
 from functools import partial
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -30,15 +31,23 @@ def scale(joint) -> float:
     return float(joint.phi_max if hasattr(joint, "phi_max") else joint.F_S / joint.K_T)
 
 
+@eqx.filter_jit
+def curves(joint, d):
+    """Force, and what is even: secant, dissipation and tangent."""
+    return joint.backbone(d), (joint.secant(d), joint.dissipation(d), joint.tangent(d))
+
+
 @given(st.one_of(IWAN4, IWAN5, JENKINS))
 def test_odd_and_finite(joint):
     d = S * scale(joint)
-    np.testing.assert_allclose(joint.backbone(-d), -joint.backbone(d), rtol=1e-15)
-    for even in (joint.secant, joint.dissipation, joint.tangent):
-        np.testing.assert_allclose(even(-d), even(d), rtol=1e-15)
-        assert np.all(np.isfinite(even(d)))
-    assert float(joint.backbone(0.0)) == 0.0
-    assert float(joint.secant(0.0)) == pytest.approx(float(joint.K_T), rel=1e-15)
+    force, even = curves(joint, d)
+    back, same = curves(joint, -d)
+    np.testing.assert_allclose(back, -np.asarray(force), rtol=1e-15)
+    for one, other in zip(same, even, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-15)
+        assert np.all(np.isfinite(other))
+    assert d[0] == force[0] == 0.0
+    assert float(even[0][0]) == pytest.approx(float(joint.K_T), rel=1e-15)
 
 
 @given(MASING)
@@ -94,23 +103,38 @@ def test_loop_closes_on_the_backbone_and_encloses_the_dissipation(joint, s):
     assert float(joint.dissipation(d_0)) == pytest.approx(area, rel=2e-3, abs=1e-6 * size * d_0)
 
 
+@eqx.filter_jit
+def by_both(joint, same, d, d_max):
+    """What four and five parameters give, side by side; the secant with a history last."""
+    secant = joint.secant(d)
+    return {
+        "force": (same.backbone(d), joint.backbone(d)),
+        "secant": (same.secant(d), secant),
+        "secant after more": (same.secant(d, d_max), secant),
+        "dissipation": (same.dissipation(d, d_max), joint.dissipation(d)),
+        "loading": (same.loading(d, d[-1]), joint.loading(d, d[-1])),
+    }
+
+
 @given(IWAN4, st.floats(1e-3, 5.0))
 def test_four_parameters_are_five_with_equal_friction(joint, s):
     same = ij.Iwan5(F_S=joint.F_S, K_T=joint.K_T, chi=joint.chi, beta=joint.beta, theta=1.0)
     d = s * scale(joint) * np.linspace(-1, 1, 7)
-    d_max = 2.0 * s * scale(joint)
+    # An array: a number would be compiled in.
+    d_max = np.asarray(2.0 * s * scale(joint))
     # Where chi -> -1 and beta = 0 the force is the small rest of K_T d.
     K_T = float(joint.K_T)
     force, energy = 1e-13 * K_T * d[-1], 1e-13 * K_T * d[-1] ** 2
-    np.testing.assert_allclose(same.backbone(d), joint.backbone(d), rtol=1e-12, atol=force)
-    np.testing.assert_allclose(same.secant(d), joint.secant(d), rtol=1e-12, atol=1e-13 * K_T)
-    np.testing.assert_allclose(same.secant(d, d_max), joint.secant(d), rtol=1e-12, atol=1e-13 * K_T)
-    np.testing.assert_allclose(
-        same.dissipation(d, d_max), joint.dissipation(d), rtol=1e-11, atol=energy
-    )
-    np.testing.assert_allclose(
-        same.loading(d, d[-1]), joint.loading(d, d[-1]), rtol=1e-10, atol=force
-    )
+    tolerances = {
+        "force": (1e-12, force),
+        "secant": (1e-12, 1e-13 * K_T),
+        "secant after more": (1e-12, 1e-13 * K_T),
+        "dissipation": (1e-11, energy),
+        "loading": (1e-10, force),
+    }
+    for name, (five, four) in by_both(joint, same, d, d_max).items():
+        rtol, atol = tolerances[name]
+        np.testing.assert_allclose(five, four, rtol=rtol, atol=atol, err_msg=name)
 
 
 @given(st.one_of(IWAN4, IWAN5))
