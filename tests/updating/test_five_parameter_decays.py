@@ -16,11 +16,15 @@ from iwanjax.quasistatic import ModalOscillator
 from iwanjax.updating import fit
 
 THETAS = (0.2, 0.5, 0.8, 1.0)
+# Displacement over phi_max that a hit alone would reach, and how long each decay lasts, s.
+HIT_LEVELS, DURATION = (0.8, 1.5), 6.0
 F_0, ZETA_0, RATE, SUBSTEPS = 118.0, 4e-4, 2048.0, 8
 SLIDERS, RATIO = 500, 1.02
 BAND = (90.0, 150.0)
 # One number of levels for all fits, which then share their compiled kernels.
 LEVELS = 30
+# More than any decay has.
+MOST_LEVELS = 400
 
 
 def joint(theta):
@@ -41,8 +45,8 @@ def sliders():
 
 
 @cache
-def motion(level, duration):
-    """Velocity and displacement (samples, thetas) after a hit that alone would reach a level.
+def motion():
+    """Velocity and displacement (samples, levels, thetas) after hits that would reach the levels.
 
     The linear oscillator with all sliders stuck is propagated exactly; what they hold less is a
     kick in the middle of each step.
@@ -54,14 +58,16 @@ def motion(level, duration):
     e, cos, sin = np.exp(-rate * dt / 2), np.cos(damped * dt / 2), np.sin(damped * dt / 2)
     a, b = e * (cos + rate / damped * sin), e * sin / damped
     c, d = -e * omega**2 / damped * sin, e * (cos - rate / damped * sin)
-    x, v = np.zeros(len(THETAS)), np.full(len(THETAS), level * omega * PHI_MAX)
-    stretch, flag, last = np.zeros_like(kinetic), np.zeros_like(kinetic), x
+    v = np.repeat(np.array(HIT_LEVELS)[:, None] * omega * PHI_MAX, len(THETAS), axis=1)
+    x = last = np.zeros_like(v)
+    stretch = np.zeros((*v.shape, phi.size))
+    flag = np.zeros_like(stretch)
     rows = [(v, x)]
-    for _ in range(round(duration * RATE) - 1):
+    for _ in range(round(DURATION * RATE) - 1):
         for _ in range(SUBSTEPS):
             x, v = a * x + b * v, c * x + d * v
-            stretch += (x - last)[:, None]
-            way, last = np.sign(x - last)[:, None], x
+            stretch += (x - last)[..., None]
+            way, last = np.sign(x - last)[..., None], x
             slips = way * stretch >= np.where(flag == way, kinetic, phi)
             stretch = np.where(slips, way * kinetic, stretch)
             flag = np.where(slips, way, 0.0)
@@ -72,9 +78,9 @@ def motion(level, duration):
 
 
 @cache
-def measured(theta, level=1.5, duration=6.0):
+def measured(theta, level=1.5):
     """What the package finds in the velocity with a little noise, and the largest displacement."""
-    v, x = (rows[:, THETAS.index(theta)] for rows in motion(level, duration))
+    v, x = (rows[:, HIT_LEVELS.index(level), THETAS.index(theta)] for rows in motion())
     signal = np.concatenate([np.zeros(41), v])
     signal += 1e-4 * v.max() * np.random.default_rng(3).standard_normal(signal.size)
     return ij.ringdown_curves(signal, RATE, BAND).as_quantity("displacement"), np.abs(x).max()
@@ -96,13 +102,18 @@ def part(curves, first, last):
 
 
 @pytest.mark.parametrize("theta", THETAS)
-@pytest.mark.parametrize("level", [0.8, 1.5])
+@pytest.mark.parametrize("level", HIT_LEVELS)
 def test_many_sliders_ring_down_as_the_oscillator_says(level, theta):
     """On either side of the step at (1 + theta)/2 of what slipped, but not upon it."""
     curves, largest = measured(theta, level)
     mode = ModalOscillator(F_0, ZETA_0, joint(theta))
     q = np.asarray(curves.amplitude)
-    f, zeta = (np.asarray(x) for x in mode.ringdown_frequency_and_damping(q, largest=largest))
+    # As many amplitudes for each decay, which then share a kernel.
+    padded = np.pad(q, (0, MOST_LEVELS - q.size), "edge")
+    f, zeta = (
+        np.asarray(x)[: q.size]
+        for x in mode.ringdown_frequency_and_damping(padded, largest=largest)
+    )
     off_f, off = np.asarray(curves.frequency) / f - 1.0, np.asarray(curves.damping) / zeta - 1.0
     step = 0.5 * (1.0 + theta) * min(largest, PHI_MAX)
     below, above = q < 0.85 * step, q > 1.15 * step
@@ -138,7 +149,7 @@ def test_without_memory_the_largest_amplitude_does_not_matter():
         np.testing.assert_allclose(found, plain, rtol=1e-7)
 
 
-@pytest.mark.parametrize("theta", THETAS)
+@pytest.mark.parametrize("theta", [0.2, pytest.param(0.5, marks=pytest.mark.long), 0.8, 1.0])
 def test_theta_comes_back_within_its_deviation(theta):
     found = fit("iwan5", part(measured(theta)[0], 0, LEVELS))
     assert found.misfit < 2.0
