@@ -43,10 +43,10 @@ def fitted(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """The default study beside its data, with a walk of a few hundred steps."""
+    """The default study beside its data, with a walk of a hundred steps."""
     folder = tmp_path_factory.mktemp("walk")
     shutil.copytree(CONFIGS / "modal_ringdown", folder / "modal_ringdown")
-    text = STUDY.read_text() + "posterior: {effective: 1000, walkers: 20, most_steps: 300}\n"
+    text = STUDY.read_text() + "posterior: {effective: 1000, walkers: 20, most_steps: 100}\n"
     (folder / STUDY.name).write_text(text)
     return folder / STUDY.name
 
@@ -107,7 +107,7 @@ def test_a_posterior_is_not_sampled_twice(study, tmp_path, monkeypatch):
     result = run("posterior", study, "--out", tmp_path)
     assert result.exit_code == 0, result.stderr
     (mode,) = json.loads((tmp_path / "posterior.json").read_text())["posteriors"]
-    # 300 steps do not suffice, which is said.
+    # 100 steps do not suffice, which is said.
     assert not mode["enough"]
     chain = np.load(tmp_path / "posterior.npz")["mode1_chain"]
     # A second walk from the same seed would be the same: none may be taken.
