@@ -132,8 +132,9 @@ def pareto_front(sampled: SampledFits, points: int = 12) -> ParetoFront:
     >>> import numpy as np
     >>> import iwanjax as ij
     >>> system = ij.three_mass()
-    >>> curves = ij.qsma(system, 0, np.geomspace(1e-2, 1.0, 12), 1e-4).curves
-    >>> sets = ij.sample_fits(system, curves, 64, fixed=["J1.K_T"])
+    >>> levels = np.geomspace(1e-2, 1.0, 12)
+    >>> curves = [ij.qsma(system, mode, levels, 1e-4).curves for mode in (0, 1)]
+    >>> sets = ij.sample_fits(system, curves, 128, fixed=["J1.K_T"])
     >>> front = ij.pareto_front(sets, points=3)
     >>> bool(front.damping_rmsd[front.chosen] <= sets.damping_rmsd.min())
     True

@@ -192,10 +192,11 @@ def sample_fits(
     >>> import numpy as np
     >>> import iwanjax as ij
     >>> system = ij.three_mass()
-    >>> curves = ij.qsma(system, 0, np.geomspace(1e-2, 1.0, 12), 1e-4).curves
-    >>> sets = ij.sample_fits(system, curves, 64, fixed=["J1.K_T"])
+    >>> levels = np.geomspace(1e-2, 1.0, 12)
+    >>> curves = [ij.qsma(system, mode, levels, 1e-4).curves for mode in (0, 1)]
+    >>> sets = ij.sample_fits(system, curves, 128, fixed=["J1.K_T"])
     >>> sets.values.shape, bool(sets.damping_rmsd.min() < 1e-3)
-    ((64, 5), True)
+    ((128, 6), True)
     """
     require_double_precision("sample_fits")
     if not isinstance(structure, JointedStructure):
