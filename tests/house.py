@@ -317,6 +317,7 @@ def rooms(modules: dict[Path, str]) -> dict[str, Room]:
     return found
 
 
+@cache
 def counts(root: Path = ROOT) -> dict[str, tuple[int, str]]:
     """Each count of :data:`BOUNDS`, and what is counted, in short."""
     modules = sources(root)
