@@ -176,29 +176,24 @@ def measured_noise(
     usable = z.size - 2 * settled
     count = max(1, usable // size)
     size = min(size, usable // count)
-    carrier = 0.0
-    middles, powers, levels = [], [], []
-    for i in range(count):
-        first = settled + i * size
-        inside = z[first : first + size]
-        s = np.linspace(-1.0, 1.0, size)
-        psi = np.log(np.abs(inside)) + 1j * np.unwrap(np.angle(inside))
-        smooth = np.polynomial.Polynomial.fit(s, psi.real, 3)(s) + 1j * (
-            np.polynomial.Polynomial.fit(s, psi.imag, 3)(s)
-        )
-        residual = inside * np.exp(-1j * smooth.imag) - np.exp(smooth.real)
-        carrier = np.mean(np.diff(psi.imag)) * sampling_rate / (2.0 * np.pi)
-        duration = size / sampling_rate
-        highest = max(_LOWEST_ORDER, int(_PASSED * width * duration))
-        orders = np.arange(_LOWEST_ORDER, highest + 1)
-        orders = np.concatenate([-orders[::-1], orders])
-        gain = band_pass_gain(np.abs(carrier + orders / duration), band, order)
-        spectrum = np.fft.fft(residual)[orders] / sampling_rate
-        # Half of the complex residual is in phase with the carrier.
-        powers.append(np.mean(0.5 * np.abs(spectrum / gain) ** 2) / duration)
-        levels.append(np.exp(np.mean(psi.real)))
-        middles.append(first + 0.5 * (size - 1))
-    power, level = np.array(powers), np.array(levels)
+    first = settled + size * np.arange(count)
+    windows = z[settled : settled + count * size].reshape(count, size)
+    psi_1, psi_2 = np.log(np.abs(windows)), np.unwrap(np.angle(windows), axis=1)
+    # Cubics by orthonormal columns, of all windows at once.
+    cubics = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), 3))[0]
+    smooth_1, smooth_2 = (each @ cubics @ cubics.T for each in (psi_1, psi_2))
+    residual = windows * np.exp(-1j * smooth_2) - np.exp(smooth_1)
+    carrier = np.mean(np.diff(psi_2), axis=1) * sampling_rate / (2.0 * np.pi)
+    duration = size / sampling_rate
+    highest = max(_LOWEST_ORDER, int(_PASSED * width * duration))
+    orders = np.arange(_LOWEST_ORDER, highest + 1)
+    orders = np.concatenate([-orders[::-1], orders])
+    gain = band_pass_gain(np.abs(carrier[:, None] + orders / duration), band, order)
+    spectrum = np.fft.fft(residual)[:, orders] / sampling_rate
+    # Half of the complex residual is in phase with the carrier.
+    power = np.mean(0.5 * np.abs(spectrum / gain) ** 2, axis=1) / duration
+    level = np.exp(np.mean(psi_1, axis=1))
+    middle = first + 0.5 * (size - 1)
     near = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) <= _NEIGHBOURS
     density = near @ power / near.sum(axis=1)
     lost = np.flatnonzero(level < _LOWEST_SIGNAL_TO_NOISE * np.sqrt(density * width))
@@ -209,7 +204,7 @@ def measured_noise(
             "is the mode in the band?"
         )
     stop = settled + kept * size if lost.size else z.size - settled
-    return Noise(np.array(middles[:kept]), np.maximum(density[:kept], _tiny(level[:kept])), stop)
+    return Noise(middle[:kept], np.maximum(density[:kept], _tiny(level[:kept])), stop)
 
 
 def _tiny(level: np.ndarray) -> np.ndarray:

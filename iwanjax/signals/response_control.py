@@ -272,12 +272,15 @@ def _clear(alone: _Sweeps, beside: _Sweeps) -> bool:
 
 def _resonance(level: SteppedSine, exponent: float) -> _Resonance:
     """Of one level, with its stiffness varying as the displacement to the exponent."""
-    found = _inphase(level, exponent, 0.5 * (level.omega[0] + level.omega[-1]))
+    before = 0.5 * (level.omega[0] + level.omega[-1])
     for _ in range(_ROUNDS):
-        found = _inphase(level, exponent, found[2])
-    k, m, omega_r, columns, covariance = found
+        before = _inphase(level, exponent, before)[2]
+    k, m, omega_r, columns, left = _inphase(level, exponent, before)
+    units = np.array([1.0, before**-2])
+    covariance = _covariance(columns, left) * np.outer(units, units)
     slanted = np.stack([np.ones_like(level.omega), level.omega / omega_r - 1.0], axis=1)
-    (h, _), lost, spread = _least_squares(slanted, level.quadrature)
+    (h, _), lost = _least_squares(slanted, level.quadrature)
+    spread = _covariance(slanted, lost)
     share = np.array([1.0 / k, -1.0 / m])
     logs = np.log(level.omega)
     displacement, response = (
@@ -307,7 +310,7 @@ def _inphase(
 ) -> tuple[float, float, float, np.ndarray, np.ndarray]:
     """Stiffness at the displacement that goes with omega_r, mass, the resonance that follows.
 
-    The columns that they are fitted by, the mass as that times omega_r^2, and the covariance.
+    The columns that they are fitted by, the mass as that times omega_r^2, and what they leave.
     """
     lowest, highest = level.omega[0], level.omega[-1]
     logs = np.log(level.omega), np.log(level.displacement)
@@ -316,7 +319,7 @@ def _inphase(
     columns = np.stack(
         [(level.displacement / there) ** exponent, -((level.omega / omega_r) ** 2)], axis=1
     )
-    (k, inertia), _, covariance = _least_squares(columns, level.inphase)
+    (k, inertia), left = _least_squares(columns, level.inphase)
     if k <= 0.0 or inertia <= 0.0:
         raise InputError(
             f"{level.name}: the in-phase dynamic stiffness does not fall with frequency; phase "
@@ -328,17 +331,18 @@ def _inphase(
             f"{level.name}: the resonance, at {found / (2 * np.pi):.6g} Hz, lies outside the "
             f"measured {lowest / (2 * np.pi):.6g} to {highest / (2 * np.pi):.6g} Hz"
         )
-    units = np.array([1.0, omega_r**-2])
-    return k, inertia / omega_r**2, found, columns, covariance * np.outer(units, units)
+    return k, inertia / omega_r**2, found, columns, left
 
 
-def _least_squares(
-    columns: np.ndarray, right: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Two coefficients, what they leave, and their covariance."""
+def _least_squares(columns: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two coefficients, and what they leave."""
     found, *_ = np.linalg.lstsq(columns, right, rcond=None)
-    left = right - columns @ found
+    return found, right - columns @ found
+
+
+def _covariance(columns: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Of two coefficients, by what they leave."""
     # Residuals that are alike from point to point are so many fewer.
     tau = correlation_time(left[None, :, None])
-    variance = tau * np.sum(left**2) / (right.size - 2)
-    return found, left, variance * np.linalg.inv(columns.T @ columns)
+    variance = tau * np.sum(left**2) / (left.size - 2)
+    return variance * np.linalg.inv(columns.T @ columns)
