@@ -8,6 +8,8 @@ from pathlib import Path
 
 # JAX reads this when it is imported; a GPU in the machine must not change what the tests see.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+# Both cores are busy with tests: a second thread of BLAS in each process would wait, and spin.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Where the command line keeps compiled kernels: not in anybody's home, but shared by the tests, by
 # both of their processes and by the notebooks' kernels, of which many compile the same.
 os.environ.setdefault("IWANJAX_CACHE", str(Path(tempfile.gettempdir()) / "iwanjax-test-kernels"))
