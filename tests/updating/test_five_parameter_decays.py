@@ -149,7 +149,7 @@ def test_without_memory_the_largest_amplitude_does_not_matter():
         np.testing.assert_allclose(found, plain, rtol=1e-7)
 
 
-@pytest.mark.parametrize("theta", [0.2, pytest.param(0.5, marks=pytest.mark.long), 0.8, 1.0])
+@pytest.mark.parametrize("theta", THETAS)
 def test_theta_comes_back_within_its_deviation(theta):
     found = fit("iwan5", part(measured(theta)[0], 0, LEVELS))
     assert found.misfit < 2.0

@@ -59,12 +59,24 @@ def test_a_fast_mode_is_taken_with_more_steps(coarse, exact):
     assert coarse.of_free_run(there, given) is there
 
 
-def test_steps_that_are_chosen_leave_what_is_allowed():
-    """Against many more steps; of a joint that slips it is foreseen to within a half."""
+@pytest.mark.parametrize(
+    "times",
+    [
+        pytest.param(
+            1.0,
+            marks=pytest.mark.xfail(
+                strict=True, reason="0.44 of a deviation where 0.4 is allowed, 0.57 at other rates"
+            ),
+        ),
+        1.5,
+    ],
+)
+def test_steps_that_are_chosen_leave_what_is_allowed(times):
+    """Against many more steps; of a joint that slips it is foreseen to within a half only."""
     taken = resolution(struck(lambda d: 0.0), SLIPPING, every=3)
     now, many = taken.of_model(), taken.with_substeps(MANY).problem
     assert now.sides.left_by_steps == 0.0
-    assert off(now.problem, many, TIME_CONSTANT) < 1.5 * taken.settings.steps.compared
+    assert off(now.problem, many, TIME_CONSTANT) < times * taken.settings.steps.compared
 
 
 def test_what_the_most_steps_leave_is_told(coarse):
