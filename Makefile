@@ -74,14 +74,14 @@ demo: $(CORE) ## two reports in results/: a joint fitted to hammer hits, and wha
 	@echo "what a model lacks: results/concealed_spring/report.html"
 	@echo "a fitted joint:     results/modal_ringdown/report.html"
 
-test: style ## check style and types, and run the tests
+test: style ## check style and the package's types, and run the tests
 	@# The type checker keeps one core busy for a minute: beside the tests instead of before them.
-	@types=$$(mktemp); $(TYPES) > "$$types" 2>&1 & checker=$$!; \
+	@types=$$(mktemp); $(TYPES) iwanjax > "$$types" 2>&1 & checker=$$!; \
 	$(BIN)/pytest -n 2 --dist worksteal; tests=$$?; \
 	wait $$checker; failed=$$?; cat "$$types"; rm -f "$$types"; \
 	exit $$((tests ? tests : failed))
 
-lint: style ## check style and types only
+lint: style ## check style and all types, the tests' too
 	$(TYPES)
 
 style: $(TEST)

@@ -35,7 +35,11 @@ def at_root(monkeypatch):
     assert set(ROOT.iterdir()) == files
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    # A front takes 17 s to compile; updating/test_trade_offs.py has one by default.
+    [pytest.param(n, marks=pytest.mark.long) if n == "pareto_front" else n for n in NAMES],
+)
 @pytest.mark.usefixtures("at_root")
 def test_the_example_is_true(name):
     if name in EXTRAS:

@@ -13,6 +13,15 @@ pytest.importorskip("ipykernel", reason="notebooks extra not installed")
 FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 LIMIT = 300
+# Half a minute or more each, of studies whose parts and numbers other tests check.
+LONG = (
+    "03_frequency_and_damping_of_three_masses",
+    "04_when_modes_share_a_joint",
+    "05_static_and_kinetic_friction",
+    "07_brake_reuss_beam",
+    "08_sumali_beam",
+    "09_silverbox",
+)
 
 
 def read(path):
@@ -34,7 +43,13 @@ def test_it_is_stored_without_outputs(path):
     assert code[-1].source.splitlines()[-1].startswith("assert ")
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=pytest.mark.long if path.stem in LONG else (), id=path.stem)
+        for path in NOTEBOOKS
+    ],
+)
 def test_it_runs(path, request):
     source = "\n".join(cell.source for cell in read(path).cells)
     if "iwanjax.structures.fem" in source:

@@ -25,9 +25,14 @@ from concealed.structures import chain
         Effect("quadratic_damping", "m2-m3", (40.0,)),
         Effect("viscoelastic", "m1-ground", (2.0e4, 5.0e-3)),
         Effect("root_damper", "m3-ground", (13.0, 3e-4)),
-        Effect("smooth_hysteresis", "m2-m3", (1.1e5, 8e-5, 1.7)),
-        Effect("bristles", "m2-m3", (1.4e5, 0.0, 6.0, 5.0, 8.0, 0.02)),
-        Effect("rubbing_freeplay", "m3-ground", (4e4, 3.5e-4, 2.0)),
+        *(
+            pytest.param(effect, marks=pytest.mark.long)
+            for effect in (
+                Effect("smooth_hysteresis", "m2-m3", (1.1e5, 8e-5, 1.7)),
+                Effect("bristles", "m2-m3", (1.4e5, 0.0, 6.0, 5.0, 8.0, 0.02)),
+                Effect("rubbing_freeplay", "m3-ground", (4e4, 3.5e-4, 2.0)),
+            )
+        ),
     ],
     ids=lambda effect: effect.kind,
 )

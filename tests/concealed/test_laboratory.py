@@ -66,6 +66,7 @@ def test_a_free_decay_has_no_force_left():
     assert np.abs(force).max() < 1e-3 * case.structure.peaks["m1"]
 
 
+@pytest.mark.long
 def test_a_periodic_recording_repeats_itself_to_below_its_noise():
     case = next(c for c in lab_plan() if c.line[:2] == ("chain4", "multisine"))
     take = case.takes[0]

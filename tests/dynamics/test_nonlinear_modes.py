@@ -58,7 +58,7 @@ def followed_closely(name):
         [1e-3, 1e3, 1e-2, 1e2],
     ],
 )
-@pytest.mark.parametrize("name", ["slider", "Iwan"])
+@pytest.mark.parametrize("name", [pytest.param("slider", marks=pytest.mark.long), "Iwan"])
 def test_a_level_may_be_any_multiple_of_the_last(name, levels):
     # The frequency used to run away, 8.5e15 Hz at the second level, and count as balanced.
     joint, levels = JOINTS[name], np.asarray(levels)

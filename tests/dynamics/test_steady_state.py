@@ -158,6 +158,7 @@ def simulated(system, force, omega, row, *, cycles: int, steps: int) -> np.ndarr
     return np.array(found)
 
 
+@pytest.mark.long
 def test_several_joints_against_time_integration():
     system = chain(
         {
@@ -191,6 +192,7 @@ def test_forced_amplitude_of_section_4_5():
     assert float(found.amplitude()[0]) == pytest.approx(9.970e-5, rel=5e-3)
 
 
+@pytest.mark.long
 @pytest.mark.reference
 def test_forced_amplitude_of_section_4_5_with_stiction():
     joint = ij.Iwan5.from_distribution(R=7e5, S=9e4, chi=-0.6, phi_max=6e-4, theta=0.5)

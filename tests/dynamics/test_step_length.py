@@ -69,7 +69,9 @@ SYSTEMS = {
 
 @pytest.mark.parametrize("level", [0.02, 60.0])
 @pytest.mark.parametrize("periods", [0.2, 2.0])
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize(
+    "name", ["three masses", *(pytest.param(n, marks=pytest.mark.long) for n in list(SYSTEMS)[1:])]
+)
 def test_whatever_the_step_the_response_is_right(name, periods, level):
     js, row = SYSTEMS[name]()
     dt = periods * 2 * np.pi / joint_mode(js)
@@ -124,6 +126,7 @@ def test_a_mode_that_rings_is_resolved(periods, level):
     assert max(distance(found, expected)) <= 0.01
 
 
+@pytest.mark.long
 def test_the_estimate_is_the_error():
     # Where a step is a small part of a period the estimate is more than an upper bound.
     js, row = random_chain(5, 6, 30.0)
@@ -254,6 +257,7 @@ def test_what_cannot_be_refined_is_no_number():
     assert np.isnan(float(jax.jit(lambda x: last(x, long, coarse))(1.0)))
 
 
+@pytest.mark.long
 def test_a_batch_is_as_good_as_its_worst_case():
     js, row = random_chain(4, 12, 3.0)
     dt = 0.3 * 2 * np.pi / joint_mode(js)

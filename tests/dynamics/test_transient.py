@@ -519,6 +519,7 @@ def many_joints(n=10, zeta=0.02):
     return ij.JointedStructure(ij.LinearStructure(np.eye(n), C, K), entries)
 
 
+@pytest.mark.long
 def test_many_joints_of_many_kinds():
     js = many_joints()
     t = 0.02 * np.arange(1001)

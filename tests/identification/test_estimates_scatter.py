@@ -50,6 +50,7 @@ def scatter(values: np.ndarray, stds: np.ndarray, true: float) -> float:
     return math.sqrt(np.mean(z**2))
 
 
+@pytest.mark.long
 def test_deviations_by_noise_alone_are_the_scatter(fits):
     """A little wider: the correlation of residuals in the band is rounded up, by a tenth."""
     stds = np.array([np.sqrt(np.diag(covariance(*each, False))[:2]) for each in fits])
@@ -64,6 +65,7 @@ def test_deviations_by_noise_alone_are_the_scatter(fits):
     assert np.all(np.std(stds, axis=0) < 0.1 * np.mean(stds, axis=0))
 
 
+@pytest.mark.long
 def test_stated_deviations_are_no_narrower(fits):
     """They allow for an error of the model's own, of which noise alone may look like some."""
     of_size = np.array([estimates(*each, 0)[0][1:] for each in fits])

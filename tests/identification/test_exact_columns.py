@@ -66,7 +66,9 @@ class Struck(NamedTuple):
     base: HypothesisFit
 
 
-@pytest.fixture(scope="module", params=["acceleration", "velocity"])
+@pytest.fixture(
+    scope="module", params=["acceleration", pytest.param("velocity", marks=pytest.mark.long)]
+)
 def struck(request: pytest.FixtureRequest) -> Struck:
     y = simulated(PEAK, request.param)
     noise, names = 1e-3 * np.std(y, axis=0), tuple(FORCES)

@@ -176,7 +176,13 @@ def test_the_observers_median_pole_dies_within_the_memory(time_constant):
     assert process_noise(step, H, 1e-3, math.inf) == 0.0
 
 
-@pytest.mark.parametrize("quantity", ["acceleration", "velocity", "displacement"])
+@pytest.mark.parametrize(
+    "quantity",
+    [
+        "acceleration",
+        *(pytest.param(other, marks=pytest.mark.long) for other in ("velocity", "displacement")),
+    ],
+)
 def test_a_free_run_is_what_the_implicit_integrator_gives(quantity):
     made, _ = problem(np.ones((N, 2)), 4, quantity)
     shown = 1.0 - predicted(made)
@@ -218,11 +224,12 @@ def test_derivatives_are_those_of_finite_differences():
     ("time_constant", "forces", "sensor_faults", "acting"),
     [
         # Kinds that the observer's gain does not depend on: it is redesigned for the others.
-        (
+        pytest.param(
             SHORT_TIME_CONSTANT,
             ("cubic_stiffness", "gap_contact", "coulomb_friction"),
             ("sensor_delay",),
             True,
+            marks=pytest.mark.long,
         ),
         (math.inf, ("viscoelastic", "mass_error", "viscous_damping"), ("sensor_gain",), False),
     ],
@@ -270,7 +277,10 @@ def test_without_kinds_or_places_nothing_is_tried():
     assert trials.columns(made, base, []).shape == (0, 1, N, 2)
 
 
-@pytest.mark.parametrize(("quantity", "substeps"), [("acceleration", 2), ("velocity", 4)])
+@pytest.mark.parametrize(
+    ("quantity", "substeps"),
+    [("acceleration", 2), pytest.param("velocity", 4, marks=pytest.mark.long)],
+)
 def test_where_no_joint_slips_responses_are_convolutions(quantity, substeps):
     made, Phi = problem(np.ones((N, 2)), substeps, quantity=quantity)
     # As stiff as ever, and so strong that it never slips.

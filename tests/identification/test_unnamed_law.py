@@ -37,6 +37,7 @@ def test_a_law_without_strength_changes_no_residual(pair):
     np.testing.assert_allclose(with_it, without, atol=1e-7 * np.max(np.abs(without)))
 
 
+@pytest.mark.long
 def test_a_missing_spring_and_damper_are_the_law_that_is_fitted(pair):
     made, places = pair
     place = places["m2"]

@@ -29,7 +29,13 @@ def lap_joint() -> tuple[ij.LinearStructure, np.ndarray]:
     return ij.LinearStructure(np.eye(2 * n), None, whole + 0.05 * rows.T @ rows), rows
 
 
-@pytest.mark.parametrize("regime", REGIMES)
+LONG = ("most joints", "all joints")
+
+
+@pytest.mark.parametrize(
+    "regime",
+    [pytest.param(r, marks=pytest.mark.long) if r in LONG else r for r in REGIMES],
+)
 def test_all_levels_converge_to_1e_9(regime):
     structure, rows = lap_joint()
     stiff = ij.LinearSpring(k=1.0)

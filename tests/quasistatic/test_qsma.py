@@ -96,6 +96,7 @@ def test_a_mode_that_leaves_the_joint_alone_is_linear():
     np.testing.assert_allclose(solution.curves.damping, 1e-3, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_more_joints_than_are_unrolled():
     n = 11
     K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)

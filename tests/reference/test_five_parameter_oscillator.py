@@ -111,6 +111,7 @@ class AsBank(ij.Iwan5):
         return self.slider_bank(sliders)
 
 
+@pytest.mark.long
 def test_the_steady_amplitude_does_not_depend_on_a_grid():
     """In a bank whether the slider beside the amplitude lets go decides; here there is none.
 
@@ -143,6 +144,7 @@ def ring_down(theta):
     return np.interp(Y_0, q, f), np.interp(Y_0, q, zeta), float(np.max(np.abs(found.displacement)))
 
 
+@pytest.mark.long
 def test_closed_forms_beside_the_decay():
     """Mean over theta: frequency within 0.1 %, damping within 3 %."""
     off = []

@@ -121,6 +121,7 @@ TABLE_2_3 = {
 }
 
 
+@pytest.mark.long
 def test_table_2_3_comes_out_of_a_fit():
     """Procedure I to its end, the fit: the table's was by eye, hence the per cents.
 

@@ -56,6 +56,7 @@ def test_stiffness_that_varies_over_a_sweep_does_not_pass_for_mass():
     np.testing.assert_allclose(alone.damping, ZETA / (1.0 + exponent), rtol=2e-3)
 
 
+@pytest.mark.long
 def test_standard_deviations_are_those_of_repeated_measurements():
     columns, frequency = measured([1.0], 0)
     rng = np.random.default_rng(4)

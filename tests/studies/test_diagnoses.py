@@ -59,6 +59,7 @@ def histories():
     return study.diagnose(progress=said.append), expected, said
 
 
+@pytest.mark.long
 def test_time_histories_judge_the_structure(histories):
     found, expected, said = histories
     assert list(found) == ["driven"]

@@ -276,6 +276,7 @@ def test_a_bound_that_is_not_near_changes_nothing():
         assert abs(found.values[name] - solution().values[name]) < 1e-2 * solution().std[name]
 
 
+@pytest.mark.long
 def test_a_bound_holds_where_another_transform_was_asked_for():
     f_0 = modal_parameters(ij.Iwan4, noisy(0))["f_0"]
     bounded = replace(f_0, value=117.9, upper=117.95, transform="identity", lower=100.0)
@@ -284,6 +285,7 @@ def test_a_bound_holds_where_another_transform_was_asked_for():
     assert found.active_bounds == {"f_0": 117.95}
 
 
+@pytest.mark.long
 def test_an_exponent_beside_a_bound_that_has_no_model():
     """At chi = -1 itself there is no joint; beside it chi is all but free."""
     found = solution(0, replace(TRUTH, chi=-0.9995))
@@ -342,6 +344,7 @@ def test_fixing_a_parameter_is_one_argument():
     assert named.determined == found.determined
 
 
+@pytest.mark.long
 def test_a_fixed_damping_leaves_the_search_its_own_variables():
     """Levels far into macroslip: in F_S and K_T themselves the starts all end 17 deviations off."""
     far = noisy(0, TRUTH, 0.02, 30.0)

@@ -374,6 +374,7 @@ def test_microslip_determines_r_and_a_lower_bound_of_phi_max(guess, seed):
     assert "J1.S" in summary
 
 
+@pytest.mark.long
 def test_a_kink_that_noise_has_made_is_not_the_strength(guess):
     """With the stiffness known F_S was 3.98 +- 0.002 for 6: the end of the measured range."""
     known = {"J1.K_T": TRUTH["K_T"]}

@@ -74,6 +74,7 @@ def test_what_is_linear_goes_into_the_matrices(problem, name, size, matrix):
     assert change == pytest.approx(size)
 
 
+@pytest.mark.long
 def test_a_joint_left_out_and_one_that_sticks(problem):
     problem, scope = problem
     z = np.zeros(problem.parameters)

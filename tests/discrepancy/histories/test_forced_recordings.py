@@ -112,6 +112,7 @@ def told(tmp_path_factory):
     return json.loads((out / "diagnosis.json").read_text()), out
 
 
+@pytest.mark.long
 def test_a_spring_is_found_in_a_model_without_joints(told):
     verdict, out = told
     first = verdict["what"][0]
@@ -124,6 +125,7 @@ def test_a_spring_is_found_in_a_model_without_joints(told):
     assert (out / "restoring_force.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_response_that_never_decays_tells_no_damping(told):
     assert told[0]["observables"] == []
 
@@ -142,6 +144,7 @@ def test_a_linear_model_misses_nothing_in_linear_recordings():
         assert abs(each.deviation - NOISE) < 3.0 * each.std < 0.5 * NOISE
 
 
+@pytest.mark.long
 def test_a_short_recording_beside_a_long_one_hides_no_force():
     """Until a silent motion has decayed to 1e-154, whose square is zero."""
     those = (("fit", 300, 3.0 * STRONG, 1), ("fit", 4000, WEAK, 2))
@@ -168,6 +171,7 @@ def failing(*arguments, **options):
     raise ValueError("zero-size array to reduction operation\nminimum")
 
 
+@pytest.mark.long
 def test_what_fails_late_costs_no_verdict(told, monkeypatch, tmp_path):
     """The held-out run, the modes' differences, the restoring force, a picture."""
     # A function of the same name hides the module.

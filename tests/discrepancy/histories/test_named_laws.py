@@ -42,7 +42,7 @@ def backlash(k: float = 2e4, gap: float = 1e-4) -> Law:
     [
         pytest.param("tanh_spring", softening, {"k": 2e4, "width": 2e-4}, marks=pytest.mark.long),
         pytest.param("bouc_wen", bouc_wen, {"k": 2e4, "slip": 1.5e-4}, marks=pytest.mark.long),
-        ("backlash", backlash, {"k": 2e4, "gap": 1e-4}),
+        pytest.param("backlash", backlash, {"k": 2e4, "gap": 1e-4}, marks=pytest.mark.long),
     ],
 )
 def test_a_concealed_law_is_found_at_its_place(name, law, values):

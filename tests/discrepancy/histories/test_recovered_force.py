@@ -30,7 +30,11 @@ from iwanjax.identification.recordings import StudyRecording
 
 PEAK, K3, NOISE = 60.0, 1e10, 1e-4
 NAMES = ("cubic_stiffness", "stiffness_error")
-QUANTITIES = ("displacement", "velocity", "acceleration")
+QUANTITIES = (
+    pytest.param("displacement", marks=pytest.mark.long),
+    pytest.param("velocity", marks=pytest.mark.long),
+    "acceleration",
+)
 
 
 def measured(quantity: str) -> np.ndarray:

@@ -155,6 +155,7 @@ compared = jax.jit(jax.vmap(in_band))
 """What of residuals, (recordings, N, sensors), is in the band that is compared."""
 
 
+@pytest.mark.long
 def test_without_an_effect_falls_are_chi_square(empty):
     """One degree of freedom, in units of what noise leaves along the column of the effect."""
     made = empty.problem

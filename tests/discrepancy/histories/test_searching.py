@@ -408,6 +408,7 @@ def test_a_search_that_was_cut_short_is_taken_to_its_end():
     assert settled(problem, begun, replace(scope, in_time=lambda: False)) is begun
 
 
+@pytest.mark.long
 def test_a_stiff_suspect_wants_finer_steps_and_a_soft_one_does_not():
     response = struck(lambda d: 3e6 * max(d - 3e-4, 0.0))
     taken = resolution(response)
@@ -452,6 +453,7 @@ def test_a_fast_mode_wants_finer_steps_for_its_free_run_only():
     assert slow.of_free_run(now, replace(given, problem=now.problem)) is now
 
 
+@pytest.mark.long
 def test_a_joint_left_out_takes_finer_steps_with_it():
     response = struck(lambda d: 8e3 * d)
     taken, (problem, scope) = resolution(response), searching(response)
@@ -494,6 +496,7 @@ def test_deviations_of_a_verdict_rest_on_derivatives_where_it_ended():
     np.testing.assert_allclose(ended.scores, there.scores, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_a_verdict_on_a_stiff_suspect_is_polished_with_finer_steps():
     # A joint that never slips, as the integration above has none.
     stuck = replace(JOINT, F_S=1e7)

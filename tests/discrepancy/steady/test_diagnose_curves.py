@@ -236,6 +236,7 @@ def test_the_command_writes_pictures_and_a_page_of_both(written):
     assert all(f"{mode}: what it rests on" in page for mode in MODES)
 
 
+@pytest.mark.long
 def test_a_joint_left_out_of_a_linear_mode_is_found():
     """Its damping rises sixfold; a slider alone leaves a third of it."""
     curves = measured(FORCES["none"], -60.0, 1)

@@ -69,6 +69,7 @@ def test_a_cubic_spring_beside_it_is_found(steady):
     assert any("viscous_damping" in line and "rate" in line for line in told.warnings)
 
 
+@pytest.mark.long
 def test_a_slider_beside_it_is_found_with_its_slip():
     told = verdict("coulomb_friction")
     assert told.what[0].kind.name == "coulomb_friction"
@@ -77,6 +78,7 @@ def test_a_slider_beside_it_is_found_with_its_slip():
     assert shape.value == pytest.approx(0.1 * PHI, rel=0.1)
 
 
+@pytest.mark.long
 def test_what_contains_the_law_that_is_missing_fits_no_worse():
     """A spring: a gap of no width, and a slider that never slips, which left twice as much.
 
@@ -130,6 +132,7 @@ def test_a_correction_that_diverges_beyond_what_was_fitted_is_refused():
     assert "refused" in told.statement()
 
 
+@pytest.mark.long
 def test_a_joint_left_out_beside_a_spring_is_found():
     """The loops of an Iwan joint, taken for those of a spring: no single force makes them."""
     several = loops("none")

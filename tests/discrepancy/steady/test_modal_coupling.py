@@ -76,6 +76,7 @@ def rings(signals):
     return [each.curves for each in found[0]], amplitude
 
 
+@pytest.mark.long
 def test_a_joint_that_another_mode_moves(rings):
     curves, amplitude = rings
     both = curves[:4]
