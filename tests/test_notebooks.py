@@ -18,6 +18,7 @@ LONG = (
     "03_frequency_and_damping_of_three_masses",
     "04_when_modes_share_a_joint",
     "05_static_and_kinetic_friction",
+    "06_what_is_missing",
     "07_brake_reuss_beam",
     "08_sumali_beam",
     "09_silverbox",

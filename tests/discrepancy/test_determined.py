@@ -46,7 +46,7 @@ def test_a_gain_within_its_deviation_of_none_is_no_suspect(known, gain, std, sur
     assert determined(SEARCH, fitted("sensor_gain", [gain, 0.0])) == sure
 
 
-@pytest.mark.parametrize("free", [True, False])
+@pytest.mark.parametrize("free", [pytest.param(True, marks=pytest.mark.long), False])
 def test_a_gain_has_no_size_in_a_free_decay(free):
     """A sensor that shows 0.87 of the motion: known by the force, and by nothing without it."""
     response = 0.87 * struck(lambda d: 0.0)

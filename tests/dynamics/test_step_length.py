@@ -91,6 +91,7 @@ def test_no_error_of_the_grid_is_silent(name):
     assert max(each.change for each in found if each.said == "ok") <= ALLOWED / 2
 
 
+@pytest.mark.long
 def test_a_mode_that_samples_do_not_show_is_no_part_of_the_motion():
     # It rings two periods from one sample to the next, started and stopped by the blow: what is
     # left of it at the samples was 1.7 % off where the error was held against all of the motion.

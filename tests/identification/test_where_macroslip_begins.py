@@ -91,6 +91,7 @@ def fitted(peak: float, F_S: float):
     return problem, multistart(problem, [short.start], math.inf, 20)[0]
 
 
+@pytest.mark.long
 def test_macroslip_is_open_where_it_was_never_reached():
     problem, fit = fitted(15.0, 12.0)
     joint = iwan(problem.joints, fit.theta[0, :4])

@@ -104,6 +104,7 @@ def test_simulated_accelerations_are_absolute(tmp_path):
     assert np.abs(found.displacement).max() < 1e-3  # relative to the ground
 
 
+@pytest.mark.long
 def test_a_spring_is_found_on_a_shaken_ground(tmp_path):
     write(tmp_path, {"base": -np.diag(M)})
     uses = [("fit", 2.0), ("fit", 20.0), ("hold_out", 15.0)]

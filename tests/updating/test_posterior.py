@@ -126,6 +126,7 @@ def test_it_walks_until_there_are_enough(posterior):
         assert posterior.burnt >= 5 * tau
 
 
+@pytest.mark.long
 def test_effective_samples_are_what_the_means_of_walks_scatter_by(posterior):
     """The claim itself, about the means that are known."""
     walks = [posterior, *(walk(seed=s, most_steps=500) for s in range(1, 4))]

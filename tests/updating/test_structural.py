@@ -111,6 +111,7 @@ def found(guess, curves):
     return fit(guess, curves, modes=MODES, starts=STARTS)
 
 
+@pytest.mark.long
 def test_the_joint_comes_back_whatever_the_linear_model_is_wrong_by(found):
     assert found.converged
     assert not found.active_bounds

@@ -44,6 +44,7 @@ def agrees(problem, start):
     return model
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "size", "shape"),
     [

@@ -140,7 +140,7 @@ CONTAINED = [
     ),
     (("force_gain",), ()),
     (("force_delay",), ()),
-    (("iwan_joint",), ()),
+    pytest.param(("iwan_joint",), (), marks=pytest.mark.long),
     (("stiction",), ()),
     (("stiffness_error", "sensor_gain"), ("sensor_gain",)),
     (("viscoelastic", "cubic_stiffness"), ("viscous_damping",)),
@@ -217,7 +217,9 @@ def worse(base: RankedFit, entries: list[RankedFit]) -> list[str]:
     ("missing", "c", "whole"),
     [
         pytest.param(0.0, 400.0, "viscoelastic@J1", id="a damper in a Maxwell element"),
-        pytest.param(8e3, 2.5, "coulomb_friction@J1", id="a spring in a slider"),
+        pytest.param(
+            8e3, 2.5, "coulomb_friction@J1", id="a spring in a slider", marks=pytest.mark.long
+        ),
     ],
 )
 def test_after_a_competition_nothing_fits_worse_than_what_it_contains(

@@ -438,6 +438,7 @@ def test_noise_is_told_of_as_few_samples_as_may_be_diagnosed():
     assert np.median(found) == pytest.approx(0.3, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_fast_mode_wants_finer_steps_for_its_free_run_only():
     response = struck(lambda d: 0.0)
     # So seldom measured that the mode turns by more than a radian from sample to sample. What two
