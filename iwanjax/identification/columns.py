@@ -259,10 +259,11 @@ def columns_at_rest(
         at.setdefault(unit.where, []).append(i)
     rows = np.stack([forces[which[0]].row for which in at.values()])
     shown = _responses(problem, base, rows[:, : problem.predictor.kept], N)
-    # Twice as long: what leaves at the end does not come in again at the beginning.
-    spectra = np.fft.rfft(shown, 2 * N) * passed(2 * N)
-    for which, own in zip(at.values(), spectra, strict=True):
-        found = []
+    band = passed(2 * N)
+    for which, after in zip(at.values(), shown, strict=True):
+        # Twice as long: what leaves at the end does not come in again at the beginning. Of all
+        # places at once spectra would take gigabytes.
+        own, found = np.fft.rfft(after, 2 * N) * band, []
         for i in which:
             steps = np.moveaxis(forces[i].force.reshape(R, N, -1), 1, 2)
             of_steps = np.fft.rfft(steps, 2 * N)[:, :, None]
