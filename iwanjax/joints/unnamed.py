@@ -21,6 +21,7 @@ from iwanjax.joints.unnamed_terms import (
     ELASTIC,
     PARTS,
     RATES,
+    RISE,
     SHARES,
     SLIPS,
     TERMS,
@@ -42,13 +43,14 @@ class UnnamedLaw(AbstractJoint):
               + \sum_m r_m\,\frac{q_m}{D} + \sum_l y_l\,\frac{z_l}{\phi_l}
 
     S is a cubic spline through the origin whose slope may change at each knot, R a sum of dampers
-    :math:`u/(|u| + \epsilon)`, of both sides of u, :math:`u|u|` and :math:`x^2 u`;
+    :math:`u/(|u| + \epsilon)`, of both sides of u, :math:`u|u|/(|u| + 0.1)`, :math:`u|u|`,
+    :math:`u^3` and :math:`x^2 u`;
     :math:`\sigma_j` are the stretches of sliders that slip at :math:`\phi_j`, and
     :math:`\dot q_m + q_m/\tau_m = v`, and the springs :math:`z_l` yield as those of Bouc and Wen
     with the exponent 2, :math:`\dot z = v\,[1 - (z/\phi)^2]` where that grows and :math:`v` where
     it falls: they unload straight, which no bank of sliders does. Beyond D the spring goes on
-    straight, beyond V the quadratic damper. All but the spring's strengths are at least zero, so
-    that no closed cycle feeds energy.
+    straight, beyond V the quadratic and the cubic damper. All but the spring's strengths are at
+    least zero, so that no closed cycle feeds energy.
 
     Parameters
     ----------
@@ -326,9 +328,13 @@ class Unnamed(AbstractDiscrete):
         u, x = v / self.V, d / self.D
         size = jnp.abs(u)
         saturating = [(1.0 + e) * u / (size + e) for e in RATES]
-        drag = u * jnp.where(size < 1.0, size, 2.0 - 1.0 / jnp.maximum(size, 1.0))
+        far = jnp.maximum(size, 1.0)
+        drag = u * jnp.where(size < 1.0, size, 2.0 - 1.0 / far)
+        cubic = u * jnp.where(size < 1.0, size**2, 3.0 - 2.0 / far)
+        rising = (1.0 + RISE) * u * size / (size + RISE)
         apart = jnp.minimum(x**2, 1.0) * u
-        terms = (*saturating, jnp.maximum(u, 0.0), jnp.minimum(u, 0.0), drag, apart)
+        sides = jnp.maximum(u, 0.0), jnp.minimum(u, 0.0)
+        terms = (*saturating, *sides, rising, drag, cubic, apart)
         pairs = zip(self.dampers, terms, strict=True)
         return sum((strength * term for strength, term in pairs), jnp.zeros_like(u))
 

@@ -76,8 +76,9 @@ def _terms() -> tuple[str, ...]:
         "spring",
         *(f"spring at {x:+.3f} D" for x in KNOTS[1:-1]),
         *(f"damper saturating at {u:.3g} V" for u in RATES),
-        *("damper of positive rates", "damper of negative rates", "quadratic damper"),
-        "damper of large deflections",
+        *("damper of positive rates", "damper of negative rates"),
+        f"damper rising at {RISE:.3g} V",
+        *("quadratic damper", "cubic damper", "damper of large deflections"),
         *(f"slider at D/{2**k}" for k in range(SHARES.shape[1])),
         *(f"relaxing spring of {t:.3g} T/(2 pi)" for t in TIMES),
         *(f"yielding spring of {phi:.3g} D" for phi in YIELDS),
@@ -92,6 +93,9 @@ SLIPS, SHARES = _slips()
 """Slip of each slider over D, and what each node's strength is to it."""
 RATES = _rates()
 """Of the saturating dampers, u."""
+RISE = float(np.median(RATES))
+"""Where a damper turns from :math:`u|u|` to u: with it sums of dampers are within 1.2 % of any
+power of u from 1 to 2 over two decades, 18 % off without."""
 TIMES = _times()
 """Of the relaxing springs over T/(2 pi)."""
 YIELDS = _yields()
@@ -104,7 +108,7 @@ def _parts() -> dict[str, slice]:
     found, first = {}, 0
     for name, count in (
         ("spring", len(KNOTS) - 1),
-        ("damper", len(RATES) + 4),
+        ("damper", len(RATES) + 6),
         ("sliders", SHARES.shape[1]),
         ("relaxation", len(TIMES)),
         ("yielding", len(YIELDS)),

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iwanjax.discrepancy.findings import Score, Suspect, UnnamedForce
+from iwanjax.discrepancy.findings import PlaceEvidence, Suspect, UnnamedForce
 from iwanjax.discrepancy.histories.likeness import described, nearest
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, Scope
 from iwanjax.discrepancy.histories.restarts import FAR
@@ -53,9 +53,9 @@ class PlacedLaw(NamedTuple):
 def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> PlacedLaw:
     """The general law where it explains most, fitted to the free run.
 
-    Each of the places of which the score test promises most is tried with the shortest memory,
-    for a few steps from the joints of the nominal fit and as given. The best is gone on with, and
-    the others as well where it leaves much more than noise.
+    Each of the places where something acts most likely, by all laws there at once, is tried with
+    the shortest memory, for a few steps from the joints of the nominal fit and as given. The best
+    is gone on with, and the others as well where it leaves much more than noise.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) ->
     z = table.nominal.fitted.theta.mean(axis=0)[: problem.parameters]
     joints, short = [z, problem.with_given_joints(z)], (SHORT_TIME_CONSTANT,)
     tried: list[UnnamedFit] = []
-    for place in by_score(table.scores, scope.places)[: known.finalists]:
+    for place in by_evidence(table.places, scope.places)[: known.finalists]:
         if tried and not scope.in_time():
             break
         scope.progress(f"a general law at {place.label}")
@@ -208,12 +208,10 @@ def beyond_names(
     return Beyond(now, kept, probability, after, placed.entry, force)
 
 
-def by_score(scores: Sequence[Score], places: Sequence[Place]) -> list[Place]:
-    """Places by the most that any kind promises there; those that no score names come last."""
-    best: dict[str, float] = {}
-    for each in scores:
-        best[each.where] = max(each.drop, best.get(each.where, 0.0))
-    return sorted(places, key=lambda place: -best.get(place.label, 0.0))
+def by_evidence(tested: Sequence[PlaceEvidence], places: Sequence[Place]) -> list[Place]:
+    """Places by the evidence that something acts there; those that were not tested come last."""
+    known = {each.where: each.log_evidence for each in tested}
+    return sorted(places, key=lambda place: -known.get(place.label, -math.inf))
 
 
 def _odds(tried: Sequence[UnnamedFit]) -> np.ndarray:

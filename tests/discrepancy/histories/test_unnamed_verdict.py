@@ -7,8 +7,12 @@ import pytest
 from two_masses import PLACES, Law, diagnosed
 
 import iwanjax as ij
+from iwanjax.discrepancy.findings import PlaceEvidence
+from iwanjax.discrepancy.histories.unnamed import by_evidence
 from iwanjax.discrepancy.judgement import Misfit, acting, beside_general_law, judged
+from iwanjax.identification.places import Place
 from iwanjax.joints import UnnamedLaw
+from iwanjax.joints.force_law import Scales
 from iwanjax.plotting import plot_unnamed
 from iwanjax.studies.verdicts import as_json
 
@@ -74,14 +78,30 @@ def test_its_force_is_that_of_the_root_and_the_model_moves_by_it(found, tmp_path
 
 def test_names_are_believed_as_far_as_a_general_law_leaves_them_their_misfit():
     names, before = (-0.1, -40.0), Misfit(50.0, 60.0)
-    held = Misfit(5.0, 6.0)
+    held = Misfit(4.0, 5.0)
     verdict = judged(-2000.0, names, before, held)
     assert verdict.found
-    # A law that leaves half of what the names do is no reason to doubt them.
-    assert beside_general_law(verdict, held, Misfit(3.0, 3.0)).found
+    # A law that leaves most of what the names do is no reason to doubt them, a third is.
+    assert beside_general_law(verdict, held, Misfit(3.0, 4.0)).found
+    for better in (Misfit(3.1, 0.2), Misfit(4.3, 0.2)):
+        fewer = beside_general_law(verdict, Misfit(11.9, 0.7), better)
+        assert fewer.detected
+        assert not fewer.found
     # One that leaves no more than noise is.
     alone = beside_general_law(verdict, held, Misfit(1.0, 1.0))
     assert (alone.name, alone.detected) == ("undecided", True)
     assert max(alone.named) < 0.01
     assert acting(alone, before, Misfit(1.0, 1.0), 0.9) == pytest.approx(0.9, abs=1e-3)
-    assert acting(alone, before, Misfit(40.0, 50.0), 0.9) < 0.01
+    # One that leaves a fifth, a twenty-fifth of the squares, acts there none the less.
+    assert acting(alone, before, Misfit(10.0, 12.0), 0.9) == pytest.approx(0.864, abs=1e-3)
+    # One that takes nothing away does not.
+    assert acting(alone, before, before, 0.9) == 0.0
+
+
+def test_a_law_is_tried_first_where_all_laws_together_explain_most():
+    """By the best single name a place with a clearance that rubs came fourth of four."""
+    places = [
+        Place(name, np.eye(3)[i], Scales(1e-3, 0.1)) for i, name in enumerate(("a", "b", "c"))
+    ]
+    tested = [PlaceEvidence("b", 0.9, 0.8, 16, 19.0), PlaceEvidence("a", 0.1, 0.9, 1, 13.0)]
+    assert [each.label for each in by_evidence(tested, places)] == ["b", "a", "c"]
