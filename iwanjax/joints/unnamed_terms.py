@@ -43,13 +43,15 @@ def _intervals(knots: _Grid) -> Float[np.ndarray, "orders intervals terms"]:
 
 
 def _slips() -> tuple[_Grid, Float[np.ndarray, "sliders nodes"]]:
-    """Deflections of slip, three to each octave, and their shares of the strength at each node.
+    """Deflections of slip, four to each octave, and their shares of the strength at each node.
 
-    Nodes are an octave apart, from D down to D/512; strength is linear between them over the
-    logarithm of slip.
+    Nodes are half an octave apart, from D down to D/512; strength is linear between them over the
+    logarithm of slip. Dry friction that slips at once between two nodes an octave apart left 12
+    times the noise of held-out recordings, 4.5 times by half an octave.
     """
-    octaves = np.arange(0, 28) / 3.0
-    hats = np.maximum(1.0 - np.abs(octaves[:, None] - np.arange(10)), 0.0)
+    nodes = len(_yields())
+    octaves = np.arange(2 * nodes - 1) / 4.0
+    hats = np.maximum(1.0 - np.abs(2.0 * octaves[:, None] - np.arange(nodes)), 0.0)
     return 2.0**-octaves, hats / hats.sum(axis=0)
 
 
@@ -67,8 +69,12 @@ def _times() -> _Grid:
 
 
 def _yields() -> _Grid:
-    """Slip of springs that yield gradually, over D: an octave apart as the sliders' nodes."""
-    return 2.0 ** -np.arange(10.0)
+    """Slip of springs that yield gradually, over D: half an octave apart as the sliders' nodes.
+
+    With both an octave apart Bouc and Wen's hysteresis of the exponent 1.7 left 5.1 times the noise
+    of held-out recordings, 2.3 times so.
+    """
+    return 2.0 ** (-np.arange(19) / 2.0)
 
 
 def _terms() -> tuple[str, ...]:
@@ -79,7 +85,7 @@ def _terms() -> tuple[str, ...]:
         *("damper of positive rates", "damper of negative rates"),
         f"damper rising at {RISE:.3g} V",
         *("quadratic damper", "cubic damper", "damper of large deflections"),
-        *(f"slider at D/{2**k}" for k in range(SHARES.shape[1])),
+        *(f"slider at D/{1.0 / phi:.3g}" for phi in YIELDS),
         *(f"relaxing spring of {t:.3g} T/(2 pi)" for t in TIMES),
         *(f"yielding spring of {phi:.3g} D" for phi in YIELDS),
     )

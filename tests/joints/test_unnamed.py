@@ -54,6 +54,23 @@ def test_the_spring_is_the_natural_cubic_spline_through_its_knots():
         np.testing.assert_allclose(law.backbone(side * beyond), expected, rtol=1e-10)
 
 
+def test_a_slider_between_two_nodes_is_made_up_of_both():
+    """By least squares along a history; nodes an octave apart left 0.114 of the force."""
+    random = np.random.default_rng(7)
+    turns = D * random.uniform(-1.0, 1.0, 24) * np.geomspace(1.0, 0.1, 24)
+    d = np.interp(np.linspace(0.0, 23.0, 600), np.arange(24), turns)
+    blank = UnnamedLaw.blank(D, V, T)
+    own = jnp.arange(PARTS["sliders"].start, PARTS["sliders"].stop)
+    units = jax.vmap(lambda s: ij.hysteresis(blank.with_strengths(s), d, dt=1e-3))
+    columns = np.asarray(units(jnp.eye(len(TERMS))[own])).T
+    slip = D / 19.0
+    stretch = np.zeros(d.size)
+    for i, moved in enumerate(np.diff(d)):
+        stretch[i + 1] = np.clip(stretch[i] + moved, -slip, slip)
+    left = nnls(columns, stretch / slip)[1] / np.linalg.norm(stretch / slip)
+    assert left < 0.09
+
+
 def test_sliders_are_those_of_numpy():
     law = drawn(2, "sliders")
     d = D * np.array([0.3, 1.4, -0.2, -0.1, -1.8, 0.9, 0.85, 0.95, 0.0])
