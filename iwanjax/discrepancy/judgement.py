@@ -164,15 +164,9 @@ def judged(
 def beside_general_law(verdict: Verdict, named: Misfit, general: Misfit) -> Verdict:
     r"""The verdict where a general law, with no name, was fitted as well.
 
-    A general law can do what any name does. Where a name is right, and what is left comes from
-    elsewhere, it leaves about as much as the best of them (Silverbox: 1.05); where that is a
-    neighbour of the truth, a tenth, as :func:`judged` has it. Halfway between is as likely either:
-    for the share r of their misfit that the general law leaves names keep
-
-    .. math:: \frac{P}{1-P} = \left(\frac{r}{0.55}\right)^{8}
-
-    of their probability, the power that of squares. Bristles for an Iwan joint leave 0.36, Bouc and
-    Wen's hysteresis for friction and an Iwan joint 0.25.
+    The names lose what the general law says against them: by the share of the misfit of the best
+    of them (or of the model without any) that it leaves, they are no more than neighbours of the
+    truth, as :func:`judged` has it.
 
     Parameters
     ----------
@@ -183,8 +177,7 @@ def beside_general_law(verdict: Verdict, named: Misfit, general: Misfit) -> Verd
     general : Misfit
         With the general law.
     """
-    halfway = 0.5 * (1.0 + settings().judgement.neighbour)
-    kept = _as_likely_at(halfway**2, _left(named, general) ** 2)
+    kept = _neighbouring(named, general)
     names = tuple(kept * each for each in verdict.named)
     name = _named(verdict.nothing, names)
     return Verdict(
@@ -303,7 +296,9 @@ def _unexplained(before: Misfit, after: Misfit) -> float:
 
 def _neighbouring(before: Misfit, after: Misfit) -> float:
     """The same by that share alone."""
-    return _as_likely_at(settings().judgement.neighbour, _left(before, after))
+    known, share = settings().judgement, _left(before, after)
+    odds = (share / known.neighbour) ** known.sharpness
+    return odds / (1.0 + odds) if math.isfinite(odds) else 1.0
 
 
 def _left(before: Misfit, after: Misfit) -> float:
@@ -313,12 +308,6 @@ def _left(before: Misfit, after: Misfit) -> float:
         return 0.0
     share = math.sqrt(left / there) if there > 0.0 else math.inf
     return math.inf if math.isnan(share) else share
-
-
-def _as_likely_at(half: float, share: float) -> float:
-    """Probability that rises with a share, one half at a half."""
-    odds = (share / half) ** settings().judgement.sharpness
-    return odds / (1.0 + odds) if math.isfinite(odds) else 1.0
 
 
 def _excess(misfit: Misfit) -> float:
