@@ -99,7 +99,7 @@ def test_names_are_believed_as_far_as_a_general_law_leaves_them_their_misfit():
 
 
 def test_a_law_is_tried_first_where_all_laws_together_explain_most():
-    """By the best single name a place with a clearance that rubs came fourth of four."""
+    """By the best single name that of a clearance that rubs was none of the first three."""
     places = [
         Place(name, np.eye(3)[i], Scales(1e-3, 0.1)) for i, name in enumerate(("a", "b", "c"))
     ]
