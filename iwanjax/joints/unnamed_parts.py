@@ -2,11 +2,15 @@
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from iwanjax.joints.unnamed_terms import INTERVALS, KNOTS
+
+CYCLE = 128
+"""Steps that losses of a cycle are summed over: exact for powers of the rate to 1e-4."""
 
 
 class SplineSpring(NamedTuple):
@@ -110,3 +114,84 @@ class YieldingSprings(NamedTuple):
         """Force on the loading branch of a steady cycle."""
         z = self.onward(-jnp.tanh(self._tip(amplitude)), (d + amplitude)[..., None])
         return jnp.sum(self.force * z, axis=-1)
+
+
+class Bristles(NamedTuple):
+    r"""Springs that yield gradually either way, w the force over that at the slip.
+
+    .. math:: \phi\dot w = v - |v|\,w/g, \qquad g = \frac{1}{1 + (av)^2}
+
+    Dahl's friction (1976) where a is zero; else it weakens with the rate, as that of Canudas de
+    Wit et al. (IEEE Trans. Automat. Contr. 40, 1995) without its dampers. The springs store
+    :math:`F\phi w^2/2` and lose :math:`F|v|w^2/g`, which no rate makes negative.
+
+    Attributes
+    ----------
+    force : (bristles,) array
+        At the slip, slowly.
+    phi : (bristles,) array
+        Slip, length.
+    a : (bristles,) array
+        Time/length.
+    """
+
+    force: Array
+    phi: Array
+    a: Array
+
+    def _limit(self, v: Array) -> Array:
+        return 1.0 / (1.0 + (self.a * v) ** 2)
+
+    def onward(self, w: Array, moved: Array, v: Array) -> Array:
+        """Shares after a monotonic step at a mean rate, exact for an even one."""
+        limit, way = self._limit(v), jnp.where(moved < 0.0, -1.0, 1.0)
+        end = way * limit
+        return end + (w - end) * jnp.exp(-jnp.abs(moved) / (self.phi * limit))
+
+    def lost(self, w: Array, after: Array, moved: Array, v: Array) -> Array:
+        """Energy of such a step, force x length: work less what the springs store."""
+        limit, way, far = self._limit(v), jnp.where(moved < 0.0, -1.0, 1.0), jnp.abs(moved)
+        within = self.phi * limit
+        begun = way * w - limit
+        work = limit * far - begun * within * jnp.expm1(-far / within)
+        stored = 0.5 * self.phi * (after - w) * (after + w)
+        return jnp.sum(self.force * jnp.maximum(work - stored, 0.0), axis=-1)
+
+    def curve(self, d: Array) -> tuple[Array, Array]:
+        """Virgin force and tangent, slowly."""
+        x = jnp.abs(d[..., None]) / self.phi
+        force = -jnp.sign(d) * jnp.sum(self.force * jnp.expm1(-x), axis=-1)
+        return force, jnp.sum(self.force / self.phi * jnp.exp(-x), axis=-1)
+
+    def tip_stiffness(self, amplitude: Array) -> Array:
+        r"""Of a slow decay, :math:`F\,[1 - \tanh^2(d/\phi)]\tanh(d/\phi)/d`, force/length.
+
+        By the balance that :meth:`~iwanjax.AbstractJoint.tip_stiffness` states: a branch of the
+        length 2d begins with the share that steady cycles longer by :math:`2\delta` leave, less
+        what the cycles before have not forgotten.
+        """
+        x = amplitude[..., None] / self.phi
+        safe = jnp.where(x == 0.0, 1.0, x)
+        share = jnp.where(x == 0.0, 1.0, jnp.tanh(safe) / safe / jnp.cosh(safe) ** 2)
+        return jnp.sum(self.force / self.phi * share, axis=-1)
+
+    def loading(self, d: Array, amplitude: Array) -> Array:
+        """Force on the loading branch of a steady slow cycle."""
+        begun = -jnp.tanh(amplitude[..., None] / self.phi)
+        w = self.onward(begun, (d + amplitude)[..., None], jnp.zeros(()))
+        return jnp.sum(self.force * w, axis=-1)
+
+    def cycle(self, amplitude: Array, omega: Array) -> Array:
+        """Energy lost in a steady harmonic cycle, force x length: twice that of its third half."""
+        phase = np.pi * np.arange(3 * CYCLE) / CYCLE
+        begun = -jnp.tanh(amplitude[..., None] / self.phi)
+
+        def step(w: Array, at: Array) -> tuple[Array, Array]:
+            begin, end = -jnp.cos(at), -jnp.cos(at + np.pi / CYCLE)
+            moved = (amplitude * (end - begin))[..., None]
+            v = (omega * amplitude * jnp.sin(at + 0.5 * np.pi / CYCLE))[..., None]
+            after = self.onward(w, moved, v)
+            return after, self.lost(w, after, moved, v)
+
+        lost = jax.lax.scan(step, begun, jnp.asarray(phase))[1]
+        return 2.0 * jnp.sum(lost[-CYCLE:], axis=0)

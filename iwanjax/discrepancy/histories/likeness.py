@@ -11,7 +11,7 @@ from jaxtyping import Array
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.force_law import Scales
-from iwanjax.joints.unnamed_terms import PARTS
+from iwanjax.joints.unnamed_terms import FADING, PARTS
 from iwanjax.settings.stages import settings
 
 
@@ -41,11 +41,14 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
             words.append("damping that grows with the deflection")
         else:
             words.append(_growth(np.asarray(motion.v), parts["damper"]))
-    if acting & {"sliders", "yielding"}:
+    fading = acting & {"bristles"} and bool(_fading(law) > settings().judgement.neighbour)
+    if acting & {"sliders", "yielding"} or ("bristles" in acting and not fading):
         words.append("rate-independent hysteresis")
+    if fading:
+        words.append("friction that weakens with the rate")
     if "relaxation" in acting:
         words.append("a force that relaxes with time")
-    if not acting & {"sliders", "relaxation", "yielding"}:
+    if not acting & {"sliders", "relaxation", "yielding", "bristles"}:
         words.append("no memory")
     return ", ".join(words)
 
@@ -53,6 +56,12 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
 def _size(force: np.ndarray) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(force))))
+
+
+def _fading(law: UnnamedLaw) -> float:
+    """Share of the bristles' strength that fades with the rate."""
+    force = np.array(law.strengths[PARTS["bristles"]])
+    return float(np.sum(force[FADING > 0.0]) / max(np.sum(force), 1e-300))
 
 
 def _shape(law: UnnamedLaw, reach: float) -> list[str]:
