@@ -70,11 +70,13 @@ class Joints(eqx.Module):
             self._merged([each.loss for each in found]),
         )
 
-    def settled(self, states: tuple[Any, ...], by: Array, stiffness: Array) -> tuple[Any, ...]:
-        """States after a step that in the end led further by so much, (joints,)."""
+    def settled(
+        self, states: tuple[Any, ...], by: Array, faster: Array, stiffness: Array
+    ) -> tuple[Any, ...]:
+        """States after a step that in the end led further and arrived faster, (joints,) each."""
         return tuple(
-            jax.vmap(lambda e, s, by, k: e.settled(s, by, k))(
-                group, state, _take(by, places), _take(stiffness, places)
+            jax.vmap(lambda e, s, *more: e.settled(s, *more))(
+                group, state, *(_take(x, places) for x in (by, faster, stiffness))
             )
             for group, places, state in zip(self.groups, self.order, states, strict=True)
         )

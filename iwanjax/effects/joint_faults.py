@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from iwanjax.effects.kinds import JointKind, ModeKind, missing
-from iwanjax.joints import Iwan4, ParameterInfo
+from iwanjax.joints import AttachedOscillator, Iwan4, ParameterInfo
+from iwanjax.joints.attached_oscillator import STIFFLY_HELD
 from iwanjax.joints.force_law import WITHIN_K
 from iwanjax.joints.iwan4 import NEVER_SLIPPING, SLIDING_AT_ONCE
 
@@ -44,6 +45,15 @@ JOINT_FAULTS = (
         nested=(SLIDING_AT_ONCE,),
         variant=WITHIN_K.words,
         within=True,
+    ),
+    JointKind(
+        "attached_oscillator",
+        "something unmodelled that resonates",
+        AttachedOscillator.parameters,
+        "a resonance that the model has not, and one beside it that is split or shifted",
+        "an attached oscillator",
+        missing("an attached oscillator"),
+        (STIFFLY_HELD,),
     ),
     ModeKind(
         "modal_coupling",

@@ -127,7 +127,7 @@ def _of_joint(
     places = (
         [problem.predictor.errors + 4]
         if stuck
-        else list(range(problem.parameters - 4, problem.parameters))
+        else list(range(problem.parameters - len(kind.parameters), problem.parameters))
     )
     joints = joints_of(problem.joints, jax.device_put(theta[: problem.parameters]))
     joint = joints[0 if stuck else -1]

@@ -16,11 +16,11 @@ from iwanjax.effects.faults import (
     AbstractSensorFault,
 )
 from iwanjax.effects.kinds import ForceKind, JointKind
-from iwanjax.identification.joint_priors import Joint, located
+from iwanjax.identification.joint_priors import Joint, located, of_logarithm
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.identification.suspects import Suspects
-from iwanjax.joints import Iwan4, Iwan5
+from iwanjax.joints import AttachedOscillator, Iwan4, Iwan5
 
 
 def force(
@@ -236,6 +236,43 @@ def with_joint(
     strength = first.stiffness * first.slip
     given = Iwan4(F_S=strength, K_T=first.stiffness, chi=-0.5, beta=first.beta)
     more = Joint(given, jax.device_put(np.array(problem.settings.joint_faults.loose_joint)))
+    begun = []
+    for guess in guesses:
+        strength = guess.stiffness * guess.slip
+        values = {"F_S": strength, "K_T": guess.stiffness, "beta": guess.beta}
+        begun.append(np.concatenate([guess.z, located(more, values)]))
+    return _with_element(problem, kind, place, more, begun, beside)
+
+
+class OscillatorStart(NamedTuple):
+    """Where to begin with an attached oscillator: its parameters, the joints' z."""
+
+    m: float
+    k: float
+    c: float
+    z: np.ndarray
+
+
+def with_oscillator(
+    problem: HistoryProblem, kind: JointKind, place: Place, guesses: Sequence[OscillatorStart]
+) -> tuple[HistoryProblem, list[Start]]:
+    """An attached oscillator more at a place, and the search it takes."""
+    given = AttachedOscillator(*guesses[0][:3])
+    loose = problem.settings.joint_faults.loose_oscillator
+    more = Joint(given, jax.device_put([loose / of_logarithm(i) for i in given.parameters]))
+    begun = [np.concatenate([z, located(more, {"m": m, "k": k, "c": c})]) for m, k, c, z in guesses]
+    return _with_element(problem, kind, place, more, begun)
+
+
+def _with_element(
+    problem: HistoryProblem,
+    kind: JointKind,
+    place: Place,
+    more: Joint,
+    begun: Sequence[np.ndarray],
+    beside: Start | None = None,
+) -> tuple[HistoryProblem, list[Start]]:
+    """One joint more, the last one, and where to begin with all of them."""
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
@@ -249,10 +286,7 @@ def with_joint(
         problem, predictor=predictor, joints=(*problem.joints, more), compiled=set(), _process={}
     )
     starts = []
-    for guess in guesses:
-        strength = guess.stiffness * guess.slip
-        values = {"F_S": strength, "K_T": guess.stiffness, "beta": guess.beta}
-        z = np.concatenate([guess.z, located(more, values)])
+    for z in begun:
         start = _as_nothing(other, kind, place.label, z)
         if beside is not None:
             start = joined(other, [start, _moved(beside, problem.parameters, z)])

@@ -291,8 +291,9 @@ class _Run(NamedTuple):
         # As one product: what goes into sums alone a compiler works out again for each of its uses.
         last = self.spread @ jnp.concatenate([e, late])
         # What remembers too early an end turns back from it: at strong slip that would build up.
-        by = self.compliance[:n, :n] @ last[3 * m : 3 * m + n]
-        joints = self.elements.settled(reaction.state, by, stiffness)
+        late = last[3 * m : 3 * m + n]
+        ends = self.compliance[:n, :n] @ late, self.mobility[:n, :n] @ late
+        joints = self.elements.settled(reaction.state, *ends, stiffness)
         return last, joints, memory
 
     def _suspected(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """Joint elements: one file each, pure and elementwise, knowing no structure."""
 
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo
+from iwanjax.joints.attached_oscillator import AttachedOscillator
 from iwanjax.joints.background import PowerLawDamping
 from iwanjax.joints.backlash import Backlash
 from iwanjax.joints.bouc_wen import BoucWen
@@ -39,6 +40,7 @@ __all__ = [
     "AbstractForceLaw",
     "AbstractJoint",
     "AbstractStepped",
+    "AttachedOscillator",
     "Backlash",
     "BilinearSpring",
     "BoucWen",

@@ -7,6 +7,7 @@ import re
 
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import AbstractJoint
+from iwanjax.joints.attached_oscillator import AttachedOscillator
 from iwanjax.joints.backlash import Backlash
 from iwanjax.joints.bouc_wen import BoucWen
 from iwanjax.joints.dashpot import Dashpot
@@ -43,6 +44,7 @@ JOINTS: dict[str, type[AbstractJoint]] = {
     "tanh_spring": TanhSpring,
     "bouc_wen": BoucWen,
     "backlash": Backlash,
+    "attached_oscillator": AttachedOscillator,
     "unnamed_law": UnnamedLaw,
 }
 

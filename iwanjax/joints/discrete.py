@@ -67,8 +67,8 @@ class AbstractDiscrete(eqx.Module):
             At its beginning.
         """
 
-    def settled(self, state: Any, by: Array, stiffness: Array) -> Any:
-        """The state after a step that in the end led a little further, by so much.
+    def settled(self, state: Any, by: Array, faster: Array, stiffness: Array) -> Any:
+        """The state after a step that in the end led a little further and arrived faster.
 
         For solvers that correct a deflection without another evaluation; to first order, and
         the state as it is where an element does not know better.
@@ -77,8 +77,8 @@ class AbstractDiscrete(eqx.Module):
         ----------
         state : pytree
             At the end of the step.
-        by : array
-            How much further.
+        by, faster : array
+            How much further, and by how much its rate is larger.
         stiffness : array
             The reaction's.
         """

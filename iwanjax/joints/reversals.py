@@ -99,7 +99,9 @@ class Reversals(AbstractDiscrete):
         kept = state._replace(d=d, force=force, direction=heading, depth=count)
         return Reaction(force, tangent, jnp.zeros_like(force), kept, unknown)
 
-    def settled(self, state: ReversalState, by: Array, stiffness: Array) -> ReversalState:
+    def settled(
+        self, state: ReversalState, by: Array, faster: Array, stiffness: Array
+    ) -> ReversalState:
         """Along the branch."""
         return state._replace(d=state.d + by, force=state.force + stiffness * by)
 

@@ -138,14 +138,16 @@ class Unnamed(AbstractDiscrete):
             + bristles.lost(state.w, w, moved, mean),
         )
 
-    def settled(self, state: UnnamedState, by: Array, stiffness: Array) -> UnnamedState:
+    def settled(
+        self, state: UnnamedState, by: Array, faster: Array, stiffness: Array
+    ) -> UnnamedState:
         """Sliders follow a little further; relaxing springs, which forget, are left as they are."""
         at = state.sliders
         stretch = jnp.clip(at.stretch + by, -self.bank.phi, self.bank.phi)
         z = self.yielding.onward(state.z, by)
         w = self.bristles.onward(state.w, by, state.v)
         sliders = at._replace(d=at.d + by, stretch=stretch)
-        return state._replace(d=state.d + by, sliders=sliders, z=z, w=w)
+        return state._replace(d=state.d + by, v=state.v + faster, sliders=sliders, z=z, w=w)
 
     def haste(self, dt: Array) -> Array:
         """Of the fastest relaxing spring that has any strength."""

@@ -2,7 +2,15 @@
 
 from iwanjax.effects.catalogue import catalogue
 from iwanjax.effects.kinds import ForceKind
-from iwanjax.joints import JOINTS, AbstractJoint, Iwan4, Iwan5, UnnamedLaw, described
+from iwanjax.joints import (
+    JOINTS,
+    AbstractJoint,
+    AttachedOscillator,
+    Iwan4,
+    Iwan5,
+    UnnamedLaw,
+    described,
+)
 from iwanjax.tables import Grid, as_text
 
 _HEADER = ("type", "parameters", "found as", "what it is")
@@ -10,6 +18,7 @@ _HEADER = ("type", "parameters", "found as", "what it is")
 _OTHERS: dict[type[AbstractJoint], str] = {
     Iwan4: "iwan_joint",
     Iwan5: "stiction",
+    AttachedOscillator: "attached_oscillator",
     UnnamedLaw: "unnamed_law",
 }
 _NOTE = "In brackets: tried where a study's key hypotheses names it. Others are tried in any case."

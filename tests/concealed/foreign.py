@@ -1,6 +1,7 @@
-"""Cases of physics that has no name: the laws of `foreign_laws.py` on chains.
+"""Cases of physics that has no name: the laws of `foreign_laws.py` on chains and a beam.
 
 `python tests/concealed/foreign.py OUT [--only NAME ...] [--number N]` writes a study for each.
+Number 0 has the places below; every other number draws a structure and a place for each law.
 """
 
 import argparse
@@ -54,7 +55,21 @@ CASES = {
     "squeezed": Foreign("chain6", "squeezed_damper", "m5-ground", lambda k, d, v: (k / d / v,)),
     # A third of the mass that vibrates there, at the largest deflection.
     "inertia": Foreign("chain6", "growing_inertia", "m3-ground", lambda k, d, v: (0.3 * k / v**2,)),
+    "pinching": Foreign(
+        "chain3", "pinched", "m2-m3", lambda k, d, v: (0.8 * k, 0.15 * d, 0.8, 0.1, 0.2)
+    ),
+    "fractional": Foreign(
+        "chain6", "fractional_damper", "m5-ground", lambda k, d, v: (0.15 * k * (d / v) ** 0.5, 0.5)
+    ),
+    "attached": Foreign(
+        "chain3",
+        "attached_mass",
+        "m3-ground",
+        lambda k, d, v: (0.1 * k * (d / v) ** 2, 1.6 * v / d, 0.02),
+    ),
 }
+DRAWN = ("chain3", "chain6", "lap_beam")
+"""Structures of the other numbers."""
 
 
 def _sized(structure: Structure, each: Foreign, case: Case) -> Effect:
@@ -71,6 +86,11 @@ def _sized(structure: Structure, each: Foreign, case: Case) -> Effect:
 def case_of(name: str, number: int = 0) -> Case:
     """A case with its effect, of joints, blows and noise drawn by a number."""
     each = CASES[name]
+    if number:
+        drawn = np.random.default_rng([20261126, number, list(CASES).index(name)])
+        of = STRUCTURES[str(drawn.choice(DRAWN))]
+        free = [place for place in of.rows if place not in of.joints]
+        each = replace(each, structure=of.name, where=str(drawn.choice(free)))
     structure = STRUCTURES[each.structure]
     rng = np.random.default_rng([20251125, number])
     hits = blows(structure, rng)
@@ -78,6 +98,13 @@ def case_of(name: str, number: int = 0) -> Case:
     noise, seed = float(rng.uniform(0.002, 0.005)), int(rng.integers(2**31))
     case = Case(number, structure, (), (), true, given, hits, noise, seed)
     return replace(case, effects=(_sized(structure, each, case),))
+
+
+def _written(name: str, number: int, folder: Path) -> None:
+    write(case_of(name, number), folder)
+    with np.load(folder / "rec1.npz") as file:
+        if not np.all(np.isfinite(file["response"])):
+            raise ArithmeticError(f"{folder}: the simulation has left the numbers; take another")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -88,7 +115,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--number", type=int, default=0)
     chosen = parser.parse_args(arguments)
     for name in chosen.only:
-        write(case_of(name, chosen.number), chosen.out / name)
+        _written(name, chosen.number, chosen.out / name)
 
 
 if __name__ == "__main__":

@@ -91,6 +91,58 @@ def _rubbing_freeplay(dt: float, k: Array, gap: Array, F: Array) -> Law:
     return force
 
 
+def _pinched(dt: float, k: Array, slip: Array, deep: Array, at: Array, wide: Array) -> Law:
+    """Bouc and Wen's with the exponent 1, pinched where it grows again (Baber and Noori 1985)."""
+    z, last = np.zeros_like(k), np.zeros_like(k)
+
+    def rate(z: Array, moved: Array) -> Array:
+        share = np.sign(moved) * z / slip
+        open_to = 1.0 - deep * np.exp(-(((share - at) / wide) ** 2))
+        return moved * open_to * (1.0 - np.maximum(share, 0.0))
+
+    def force(d: Array, v: Array) -> Array:
+        moved = d - last
+        last[:] = d
+        half = z + 0.5 * rate(z, moved)
+        z[:] = z + rate(half, moved)
+        return k * z
+
+    return force
+
+
+def _fractional_damper(dt: float, c: Array, order: Array) -> Law:
+    """A derivative of an order between 0 and 1, as springs that relax within 1e-6 to 1e3 s."""
+    times = np.geomspace(1e-6, 1e3, 190)[:, None]
+    of_each = np.sin(np.pi * order) / np.pi * times**-order * np.log(times[1] / times[0])
+    stretch, last = np.zeros((len(times), c.size)), np.zeros_like(c)
+    decay = np.exp(-dt / times)
+    gain = times / dt * (1.0 - decay)
+
+    def force(d: Array, v: Array) -> Array:
+        stretch[:] = decay * stretch + gain * (d - last)
+        last[:] = d
+        return c * np.sum(of_each * stretch, axis=0)
+
+    return force
+
+
+def _attached_mass(dt: float, m: Array, omega: Array, ratio: Array) -> Law:
+    """A mass on a spring and a damper, by the implicit midpoint rule."""
+    y, rate, before = np.zeros_like(m), np.zeros_like(m), [np.zeros_like(m), np.zeros_like(m)]
+    k, c = omega**2, 2.0 * ratio * omega
+
+    def force(d: Array, v: Array) -> Array:
+        base, carried = 0.5 * (before[0] + d), 0.5 * (before[1] + v)
+        before[:] = [d.copy(), v.copy()]
+        pull = k * (base - y - 0.5 * dt * rate) + c * (carried - rate)
+        change = dt * pull / (1.0 + 0.5 * dt * c + 0.25 * dt**2 * k)
+        y[:] = y + dt * (rate + 0.5 * change)
+        rate[:] = rate + change
+        return m * (k * (d - y) + c * (v - rate))
+
+    return force
+
+
 LAWS: Mapping[str, Callable[..., Law]] = {
     "softening": _softening,
     "root_damper": _root_damper,
@@ -99,6 +151,9 @@ LAWS: Mapping[str, Callable[..., Law]] = {
     "rubbing_freeplay": _rubbing_freeplay,
     "squeezed_damper": _squeezed_damper,
     "growing_inertia": _growing_inertia,
+    "pinched": _pinched,
+    "fractional_damper": _fractional_damper,
+    "attached_mass": _attached_mass,
 }
 """By kind: of the step and the values, one number per recording each."""
 

@@ -130,7 +130,7 @@ def further_along_a_branch(first, then, by):
     at = element.step(first, 0.0, 1.0, element.init()).state
     found = element.step(then, 0.0, 1.0, at)
     return (
-        element.settled(found.state, by, found.stiffness),
+        element.settled(found.state, by, 0.0, found.stiffness),
         element.step(then + by, 0.0, 1.0, at).state,
     )
 
@@ -153,4 +153,4 @@ def test_a_step_that_led_further_is_settled_along_its_branch(first, length, way)
 def test_an_element_that_knows_no_better_stays_as_it_was():
     element = JOINT.discrete(10)
     state = element.step(0.1, 0.0, 1.0, element.init()).state
-    assert element.settled(state, 0.1, 1.0) is state
+    assert element.settled(state, 0.1, 0.2, 1.0) is state

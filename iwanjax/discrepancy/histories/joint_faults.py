@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
+import numpy as np
 
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
@@ -102,6 +103,58 @@ def with_joint_faults(
     if single is not None:
         found += beside_stiction(problem, single, limits, scope)
     return _compared(shorts, entries, found, scope)
+
+
+def with_attached_oscillators(
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    shorts: Sequence[RankedFit],
+    entries: list[RankedFit],
+    places: Sequence[Place],
+    scope: Scope,
+) -> list[RankedFit]:
+    """Something that vibrates on its own, where nothing else explains much.
+
+    Parameters
+    ----------
+    problem, nominal, shorts, entries, scope
+        As for the others.
+    places : sequence of Place
+        Where something acts most likely, in order.
+    """
+    best, known = least(nominal, entries), problem.settings
+    kinds = [
+        each
+        for each in scope.kinds
+        if isinstance(each, JointKind) and each.name == "attached_oscillator"
+    ]
+    if not kinds or best.cost < known.selection.misfit * left_by_noise(problem):
+        return entries
+    scope.progress("refitting attached oscillators")
+    z = nominal.theta.mean(axis=0)[: problem.parameters]
+    made = [
+        hypotheses.with_oscillator(problem, kind, place, _oscillators(problem, place, z))
+        for kind in kinds
+        for place in places[: known.selection.finalists]
+    ]
+    limits = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT)
+    return _compared(shorts, entries, _best_of_each(made, limits, scope), scope)
+
+
+def _oscillators(
+    problem: HistoryProblem, place: Place, z: np.ndarray
+) -> list[hypotheses.OscillatorStart]:
+    """Frequencies over the band of the modes that are kept, masses over what moves at the place."""
+    known, kept = problem.settings.joint_faults, problem.predictor.kept
+    omega = np.sqrt(np.asarray(problem.predictor.omega2))
+    first, last = 0.5 * min(omega[omega > 0.0]), float(np.max(omega))
+    steps = np.arange(0.0, math.log2(last / first), known.octaves)
+    carried = 1.0 / float(np.sum(place.row[:kept] ** 2))
+    return [
+        hypotheses.OscillatorStart(m, m * w**2, 2.0 * known.damped * m * w, z)
+        for w in (first * 2.0**steps).tolist()
+        for m in (share * carried for share in known.masses)
+    ]
 
 
 def explaining_too_little(

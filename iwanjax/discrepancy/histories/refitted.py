@@ -116,7 +116,7 @@ def beyond_trust(problem: HistoryProblem, fitted: HypothesisFit, names: Sequence
 
 
 # Kinds that a fit has as a joint of its own, the last one.
-_JOINTS_MORE = ("iwan_joint", "unnamed_law")
+_JOINTS_MORE = ("iwan_joint", "attached_oscillator", "unnamed_law")
 
 
 def ordered(problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str]) -> list[str]:

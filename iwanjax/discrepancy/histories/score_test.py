@@ -157,6 +157,12 @@ def places_of(candidates: Sequence[Candidate]) -> tuple[PlaceEvidence, ...]:
     return tuple(sorted(found.values(), key=lambda each: -each.log_evidence))
 
 
+def by_evidence(tested: Sequence[PlaceEvidence], places: Sequence[Place]) -> list[Place]:
+    """Places by the evidence that something acts there; those that were not tested come last."""
+    known = {each.where: each.log_evidence for each in tested}
+    return sorted(places, key=lambda place: -known.get(place.label, -math.inf))
+
+
 def where_something_acts(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Those at places that the likeliest one does not exclude, whatever acts there."""
     best = max((c.place.log_evidence for c in candidates), default=0.0)

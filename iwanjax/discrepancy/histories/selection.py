@@ -11,6 +11,7 @@ from iwanjax.discrepancy.findings import PlaceEvidence, Score
 from iwanjax.discrepancy.histories.further_suspects import appearing, probed
 from iwanjax.discrepancy.histories.joint_faults import (
     like_a_joint,
+    with_attached_oscillators,
     with_joint_faults,
     with_joints_left_out,
 )
@@ -41,6 +42,7 @@ from iwanjax.discrepancy.histories.restarts import (
 )
 from iwanjax.discrepancy.histories.score_test import (
     Candidate,
+    by_evidence,
     excluded,
     places_of,
     where_something_acts,
@@ -165,6 +167,8 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     if not early:
         entries = with_joints_left_out(problem, nominal, shorts, entries, candidates, scope)
     entries = with_joint_faults(problem, nominal, shorts, entries, scope)
+    likely = by_evidence(places, scope.places)
+    entries = with_attached_oscillators(problem, nominal, shorts, entries, likely, scope)
     base, entries = ranked(base, entries)
     if entries and scope.in_time() and restart_wanted(problem, base.fitted, entries):
         # Nothing that was tried explains all: ends that agreed may all have been the wrong one.

@@ -8,10 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iwanjax.discrepancy.findings import PlaceEvidence, Suspect, UnnamedForce
+from iwanjax.discrepancy.findings import Suspect, UnnamedForce
 from iwanjax.discrepancy.histories.likeness import described, nearest
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, Scope
 from iwanjax.discrepancy.histories.restarts import FAR
+from iwanjax.discrepancy.histories.score_test import by_evidence
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
@@ -22,7 +23,6 @@ from iwanjax.identification.innovations import AtSamples
 from iwanjax.identification.kernels import observed
 from iwanjax.identification.likelihood import covariance, evidence, left_by_noise, scale
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT
-from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit, fit_unnamed_law
 from iwanjax.joints import PlaceMotion, UnnamedLaw, hysteresis
@@ -206,12 +206,6 @@ def beyond_names(
     force = characterised(placed, kinds, sampling_rate)
     kept = sum(now.named) / max(sum(verdict.named), 1e-300)
     return Beyond(now, kept, probability, after, placed.entry, force)
-
-
-def by_evidence(tested: Sequence[PlaceEvidence], places: Sequence[Place]) -> list[Place]:
-    """Places by the evidence that something acts there; those that were not tested come last."""
-    known = {each.where: each.log_evidence for each in tested}
-    return sorted(places, key=lambda place: -known.get(place.label, -math.inf))
 
 
 def _odds(tried: Sequence[UnnamedFit]) -> np.ndarray:

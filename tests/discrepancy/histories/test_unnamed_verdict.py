@@ -8,7 +8,7 @@ from two_masses import PLACES, Law, diagnosed
 
 import iwanjax as ij
 from iwanjax.discrepancy.findings import PlaceEvidence
-from iwanjax.discrepancy.histories.unnamed import by_evidence
+from iwanjax.discrepancy.histories.score_test import by_evidence
 from iwanjax.discrepancy.judgement import Misfit, acting, beside_general_law, judged
 from iwanjax.identification.places import Place
 from iwanjax.joints import UnnamedLaw

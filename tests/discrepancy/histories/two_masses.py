@@ -1,4 +1,4 @@
-"""Two masses with a law between them that are struck: plain NumPy, small steps."""
+"""Two masses with a law between them, or at one, that are struck: plain NumPy, small steps."""
 
 from collections.abc import Callable
 
@@ -21,12 +21,18 @@ def _pulse(t: float, peak: float) -> float:
 
 
 def recorded(
-    law: Law, struck: int, peak: float, use: str, rate: float = RATE, samples: int = N
+    law: Law,
+    struck: int,
+    peak: float,
+    use: str,
+    rate: float = RATE,
+    samples: int = N,
+    place: str = "m1-m2",
 ) -> StudyRecording:
     """Semi-implicit Euler in small steps, of one length for all rates; noise of one density."""
     random = np.random.default_rng(round(peak))
     fine = round(FINE * RATE / rate)
-    dt, row = 1.0 / (RATE * FINE), np.array(PLACES["m1-m2"])
+    dt, row = 1.0 / (RATE * FINE), np.array(PLACES[place])
     u, v, seen, push, d = np.zeros(2), np.zeros(2), [], [], 0.0
     for i in range(samples * fine):
         f = np.zeros(2)
@@ -45,12 +51,14 @@ def recorded(
     return StudyRecording(f"{use} {peak:g}", response + noise, np.array(push), use=use)
 
 
-def diagnosed(law: Callable[[], Law], hypotheses: tuple[str, ...]) -> Diagnosis:
+def diagnosed(
+    law: Callable[[], Law], hypotheses: tuple[str, ...], place: str = "m1-m2"
+) -> Diagnosis:
     """What is said of the masses without the law, from two hits; a third one is held out."""
     hits = [(0, 40.0, "fit"), (1, 160.0, "fit"), (0, 90.0, "hold_out")]
     return diagnose_histories(
         ij.JointedStructure(ij.LinearStructure(M, DAMPING, K), {}),
-        [recorded(law(), *hit) for hit in hits],
+        [recorded(law(), *hit, place=place) for hit in hits],
         RATE,
         rows=PLACES,
         sensors={"a1": [1.0, 0.0], "a2": [0.0, 1.0]},
