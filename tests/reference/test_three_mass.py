@@ -22,9 +22,9 @@ def system():
     return ij.three_mass(zeta=ZETA_0)
 
 
-def hits(levels, omega):
+def hits(levels, omega, finer=1):
     """One case for each level: half sines on one input."""
-    t = DT * np.arange(SAMPLES)
+    t = DT / finer * np.arange(finer * (SAMPLES - 1) + 1)
     return half_sine(t, np.asarray(levels)[:, None], omega)[..., None]
 
 
@@ -153,10 +153,16 @@ def test_table_2_3_comes_out_of_a_fit():
 
 
 @cache
-def point_hits(mass, levels):
+def point_hits(mass, levels, finer=1):
     """Procedure III: hits on one mass (2.29)."""
     omega_3 = float(system().modes().omega[2])
-    return ij.modal_decays(system(), hits(levels, omega_3), DT, inputs=point_input(system(), mass))
+    return ij.modal_decays(
+        system(),
+        hits(levels, omega_3, finer),
+        DT / finer,
+        inputs=point_input(system(), mass),
+        every=finer,
+    )
 
 
 def test_damping_of_mode_1_joins_the_single_mode_curve():
@@ -181,7 +187,8 @@ def test_damping_of_mode_1_joins_the_single_mode_curve():
 def comparisons():
     """Every impact of the text: masses 1, 2, 3 at eight levels."""
     levels = (150000.0, 50000.0, 15000.0, 5000.0, 300.0, 10.0, 3.0, 1.0)
-    return {mass: ij.compare_modes(point_hits(mass, levels)) for mass in range(3)}
+    # An error of 1.5e-4 of the response is 4 % of the damping of a mode that hardly moves.
+    return {mass: ij.compare_modes(point_hits(mass, levels, 2)) for mass in range(3)}
 
 
 @pytest.mark.long  # notebook 04 compares them too
