@@ -253,7 +253,7 @@ def _yielding(law: UnnamedLaw) -> YieldingSprings:
 
 def _bristles(law: UnnamedLaw) -> Bristles:
     force = jnp.stack(law.strengths[PARTS["bristles"]])
-    return Bristles(force, law.deflection * BRISTLES, FADING / law.rate)
+    return Bristles(force, law.deflection * BRISTLES, jnp.asarray(FADING) / law.rate)
 
 
 def _bank(law: UnnamedLaw) -> SliderBank:

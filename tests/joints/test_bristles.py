@@ -82,7 +82,9 @@ def test_the_tip_stiffness_is_that_of_a_slow_decay(reach):
     assert float(bristles(1).tip_stiffness(d)) == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("at", [0.03, 0.1, 0.3])
+@pytest.mark.parametrize(
+    "at", [0.1, *(pytest.param(v, marks=pytest.mark.long) for v in (0.03, 0.3))]
+)
 def test_with_them_friction_that_weakens_with_the_rate_is_no_stranger(at):
     """Canudas de Wit's law along three decays of two modes, by least squares over all terms."""
     t = np.linspace(0.0, 1.0, 3001)

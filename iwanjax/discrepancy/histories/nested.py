@@ -299,8 +299,8 @@ def _start(
                 j = scope.joints.index(where)
                 own, made = hypotheses.with_stiction(base, kind, j, where, (1.0 - share,), common)
             elif kind.name == "attached_oscillator":
-                whole = values or [share * each for each in _values(entry, slot)]
-                guess = hypotheses.OscillatorStart(*whole, common)
+                m, k, c = values or (share * each for each in _values(entry, slot))
+                guess = hypotheses.OscillatorStart(m, k, c, common)
                 own, made = hypotheses.with_oscillator(base, kind, places[where], [guess])
             else:
                 F_S, K_T, _, beta = values or _values(entry, slot)

@@ -11,7 +11,7 @@ from iwanjax.joints import AttachedOscillator
 # Between the two modes of the masses.
 MASS, OMEGA, RATIO = 0.08, 330.0, 0.03
 STIFFNESS, DAMPER = MASS * OMEGA**2, 2.0 * RATIO * MASS * OMEGA
-NAMES = ("attached_oscillator", "mass_error", "stiffness_error", "viscous_damping", "iwan_joint")
+NAMES = ("attached_oscillator", "mass_error", "stiffness_error")
 
 
 def attached() -> Law:
