@@ -175,7 +175,10 @@ MISSED = {
 DEVELOPMENT = [
     pytest.param(
         case.number,
-        marks=[pytest.mark.xfail(reason=MISSED[case.number])] if case.number in MISSED else [],
+        # Where chance decides, a right answer is no surprise.
+        marks=[pytest.mark.xfail(reason=MISSED[case.number], strict=case.number != 48)]
+        if case.number in MISSED
+        else [],
     )
     for case in SETS["dev"]
 ]
