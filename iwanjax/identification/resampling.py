@@ -150,12 +150,12 @@ def at_rate(
     settings : ResamplingSettings, optional
         Of the filter.
     """
-    from scipy.signal import resample_poly
-
     by = settings or ResamplingSettings()
     ratio = Fraction(new / rate).limit_denominator(by.finest)
     if ratio == 1:
         return recording
+    from scipy.signal import resample_poly  # here, because it takes a second to import
+
     up, down = ratio.numerator, ratio.denominator
     most = max(up, down)
     at = np.arange(-by.span * most, by.span * most + 1)
