@@ -54,6 +54,13 @@ class Joints(eqx.Module):
         """States of the virgin joints."""
         return tuple(jax.vmap(lambda element: element.init())(group) for group in self.groups)
 
+    def earlier(self, states: tuple[Any, ...], dt: Array) -> tuple[Any, ...]:
+        """States of joints at rest so much earlier."""
+        return tuple(
+            jax.vmap(lambda element, own: element.earlier(own, dt))(group, state)
+            for group, state in zip(self.groups, states, strict=True)
+        )
+
     def step(self, d: Array, v: Array, dt: Array, states: tuple[Any, ...]) -> Reaction:
         """All joints, (joints,) each; states by group."""
         found = [
@@ -102,12 +109,17 @@ class Joints(eqx.Module):
     @property
     def remember(self) -> Bool[Array, " joints"]:
         """Which joints follow another branch after each turn, whatever its rate."""
-        kinds = [
-            bool(jax.tree.leaves(group.init())) and not group.rate_dependent
-            for group in self.groups
-        ]
-        kinds = [jnp.full(len(p), kind) for kind, p in zip(kinds, self.order, strict=True)]
-        return self._merged(kinds) if kinds else jnp.zeros(0, bool)
+        return self._each(
+            [
+                bool(jax.tree.leaves(group.init())) and not group.rate_dependent
+                for group in self.groups
+            ]
+        )
+
+    @property
+    def by_rate(self) -> Bool[Array, " joints"]:
+        """Which joints' force depends on the rate, or on the time that a step takes."""
+        return self._each([group.rate_dependent for group in self.groups])
 
     def energy(self, d: Array, states: tuple[Any, ...]) -> Array:
         """Energy stored in each joint, (joints,)."""
@@ -117,6 +129,10 @@ class Joints(eqx.Module):
                 for group, places, state in zip(self.groups, self.order, states, strict=True)
             ]
         )
+
+    def _each(self, groups: list[bool]) -> Bool[Array, " joints"]:
+        parts = [jnp.full(len(p), group) for group, p in zip(groups, self.order, strict=True)]
+        return self._merged(parts) if parts else jnp.zeros(0, bool)
 
     def _merged(self, parts: list[Array]) -> Array:
         if not parts:

@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Iterable
 from functools import cache
+from typing import TypeGuard
 
 from iwanjax.effects import (
     force_delay,
@@ -91,7 +92,7 @@ def shipped(kind: ForceKind) -> bool:
 
 
 def kinds_of(names: tuple[str, ...] = ()) -> tuple[NamedKind, ...]:
-    """The kinds of these names; for none all but laws that are only tried when asked for.
+    """The kinds of these names; for none all but laws that are not tried from the beginning.
 
     Raises
     ------
@@ -106,9 +107,21 @@ def kinds_of(names: tuple[str, ...] = ()) -> tuple[NamedKind, ...]:
             raise InputError(f"hypotheses: {name!r} is unknown; {hint}")
     if names:
         return tuple(kind for name in names for kind in known[name])
-    return tuple(
-        kind
-        for kinds in known.values()
-        for kind in kinds
-        if not isinstance(kind, ForceKind) or kind.law.tried
-    )
+    return tuple(kind for kinds in known.values() for kind in kinds if not _late(kind))
+
+
+def kinds_in_time(names: tuple[str, ...] = ()) -> tuple[NamedKind, ...]:
+    """The same of motions in time; laws that come in late have all of their parameters there.
+
+    Raises
+    ------
+    InputError
+        As :func:`kinds_of`.
+    """
+    kinds = kinds_of(names or tuple(catalogue()))
+    return tuple(kind.whole if _late(kind) else kind for kind in kinds)
+
+
+def _late(kind: NamedKind) -> TypeGuard[ForceKind]:
+    """Whether a law is not tried from the beginning."""
+    return isinstance(kind, ForceKind) and not kind.law.tried

@@ -16,6 +16,7 @@ _LEFT_OUT = JointKind(
     "a joint",
     missing("a joint"),
     (SLIDING_AT_ONCE, NEVER_SLIPPING),
+    more=True,
 )
 JOINT_FAULTS = (
     JointKind(
@@ -54,6 +55,8 @@ JOINT_FAULTS = (
         "an attached oscillator",
         missing("an attached oscillator"),
         (STIFFLY_HELD,),
+        more=True,
+        law=AttachedOscillator,
     ),
     ModeKind(
         "modal_coupling",

@@ -10,7 +10,7 @@ from jaxtyping import Array
 from iwanjax.effects.faults import AbstractFault
 from iwanjax.effects.nested import Nested, softened
 from iwanjax.joints import JOINTS, ParameterInfo
-from iwanjax.joints.force_law import AbstractForceLaw, NestedLaw, PlaceMotion, Scales
+from iwanjax.joints.force_law import AbstractForceLaw, CanBegin, NestedLaw, PlaceMotion, Scales
 
 _YIELDS = (0.05, 0.3)
 """Shares of the largest deflection at which a law whose stiffness is in K is first tried."""
@@ -104,6 +104,23 @@ class ForceKind:
         force, memory = law.follow(motion, memory)
         return (force - law.initial_stiffness * motion.d if self.within else force), memory
 
+    @property
+    def whole(self) -> "JointKind":
+        """The same with all of the law's parameters fitted, those too that a search holds."""
+        return JointKind(
+            self.name,
+            self.usual,
+            self.law.parameters,
+            self.signs,
+            self.noun or self.usual,
+            self.sentence,
+            variant=self.variant,
+            within=self.within,
+            more=True,
+            law=self.law,
+            held=self.held,
+        )
+
     def _infos(self) -> tuple[ParameterInfo, ...]:
         size, *shape = self.law.searched()
         return (replace(size, lower=-math.inf) if self.law.either_sign else size, *shape)
@@ -123,6 +140,12 @@ class JointKind:
         Simpler laws that a joint becomes.
     variant, within
         As for :class:`ForceKind`, of a joint left out.
+    more : bool
+        Whether the model has a joint too few.
+    law : type, optional
+        Of which all parameters are fitted, where all other kinds leave much.
+    held : tuple of (str, value)
+        Other arguments of what a search begins with.
     """
 
     name: str
@@ -134,6 +157,9 @@ class JointKind:
     nested: tuple[NestedLaw, ...] = ()
     variant: str = ""
     within: bool = False
+    more: bool = False
+    law: type[CanBegin] | None = None
+    held: tuple[tuple[str, Any], ...] = ()
 
     @property
     def limits(self) -> tuple[Nested, ...]:

@@ -87,7 +87,8 @@ def _determined(
         found = estimates(problem, fitted, slot)
         off = [1.0 - each.value if kind.name == "stiction" else each.value for each in found[:2]]
         return any(
-            x > settings().judgement.sure * each.std for x, each in zip(off, found, strict=False)
+            abs(x) > settings().judgement.sure * each.std
+            for x, each in zip(off, found, strict=False)
         )
     if isinstance(kind, AbstractAddedFault):
         added, std = _added(problem, fitted, slot)

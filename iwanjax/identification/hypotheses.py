@@ -16,11 +16,11 @@ from iwanjax.effects.faults import (
     AbstractSensorFault,
 )
 from iwanjax.effects.kinds import ForceKind, JointKind
-from iwanjax.identification.joint_priors import Joint, located, of_logarithm
+from iwanjax.identification.joint_priors import Joint, located, unknown
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.identification.suspects import Suspects
-from iwanjax.joints import AttachedOscillator, Iwan4, Iwan5
+from iwanjax.joints import AbstractJoint, Iwan4, Iwan5
 
 
 def force(
@@ -244,24 +244,30 @@ def with_joint(
     return _with_element(problem, kind, place, more, begun, beside)
 
 
-class OscillatorStart(NamedTuple):
-    """Where to begin with an attached oscillator: its parameters, the joints' z."""
-
-    m: float
-    k: float
-    c: float
-    z: np.ndarray
-
-
-def with_oscillator(
-    problem: HistoryProblem, kind: JointKind, place: Place, guesses: Sequence[OscillatorStart]
+def with_law(
+    problem: HistoryProblem,
+    kind: JointKind,
+    place: Place,
+    guesses: Sequence[AbstractJoint],
+    beside: Sequence[np.ndarray],
 ) -> tuple[HistoryProblem, list[Start]]:
-    """An attached oscillator more at a place, and the search it takes."""
-    given = AttachedOscillator(*guesses[0][:3])
-    loose = problem.settings.joint_faults.loose_oscillator
-    more = Joint(given, jax.device_put([loose / of_logarithm(i) for i in given.parameters]))
-    begun = [np.concatenate([z, located(more, {"m": m, "k": k, "c": c})]) for m, k, c, z in guesses]
+    """An element of any law more at a place, each beside every z of the joints, and its search."""
+    # About the strongest, for what may be of either sign is loose by its own size.
+    more = unknown(guesses[-1])
+    values = [{i.name: float(getattr(each, i.name)) for i in each.parameters} for each in guesses]
+    begun = [np.concatenate([z, located(more, each)]) for z in beside for each in values]
     return _with_element(problem, kind, place, more, begun)
+
+
+def weakened(joint: AbstractJoint, share: float) -> AbstractJoint:
+    """An element with a share of its force."""
+    return type(joint)(
+        **{
+            info.name: getattr(joint, info.name)
+            * (share if info.dimension.startswith(("force", "mass")) else 1.0)
+            for info in joint.parameters
+        }
+    )
 
 
 def _with_element(

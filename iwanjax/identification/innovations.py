@@ -252,11 +252,13 @@ class _Run(NamedTuple):
     def rest(self) -> _State:
         """Nothing moves yet."""
         predictor, m = self.by, self.mobility.shape[0]
+        # The first sample is taken after the first steps.
+        early = self.elements.earlier(self.elements.init(), predictor.dt * predictor.substeps)
         return _State(
             jnp.zeros(2 * predictor.kept),
             jnp.zeros(4 * m),
             jnp.zeros(m),
-            self.elements.init(),
+            early,
             jnp.zeros(self.suspects.force.shape[0]),
             tuple(fault.rest(predictor.sensors.shape[0]) for fault in predictor.faults),
         )
@@ -334,7 +336,7 @@ class _Run(NamedTuple):
         last = at.d[:n] + self.compliance[:n, :n] @ at.g[3 * m : 3 * m + n]
         moved, risen = d - last, reaction.force - self.by.stiffness * last + at.g[:n]
         least = jnp.maximum(_STILL * jnp.abs(d), _NOTHING)
-        known = (jnp.abs(moved) > least) & (reaction.damping == 0.0)
+        known = (jnp.abs(moved) > least) & ~self.elements.by_rate
         chord = risen / jnp.where(known, moved, 1.0)
         # Between stuck and what it is at d: a little way back and forth tells less than that.
         ends = reaction.stiffness, self.by.stiffness

@@ -18,8 +18,10 @@ from iwanjax.types import Scalar
 # Deviations of the joints' parameters about the values that the model was given: of the
 # logarithm of a force (and of what else there is), a stiffness and a ratio, and of an exponent.
 _DEVIATIONS, _OF_EXPONENTS = {"force": 0.5, "force/length": 0.1, "1": 0.6}, 0.2
-# Least value of a ratio that a logarithm is taken of.
+# Least value of a ratio, less its lower bound, that a logarithm is taken of.
 _SMALLEST = 1e-3
+# Prior deviation of what nothing is known of: of a logarithm, or over its own size.
+_ANYTHING = 4.0
 # Distance from a bound, as a share of the range, that a given value is taken to have at least.
 _LEAST = 0.02
 
@@ -108,16 +110,27 @@ def _moved(info: ParameterInfo, value: Scalar, z: Scalar) -> Scalar:
     return to_value(info.transform, there, *_bounds(info))
 
 
+def unknown(given: AbstractJoint) -> Joint:
+    """A joint of which no more is known than where a search begins."""
+
+    def loose(info: ParameterInfo) -> float:
+        if info.transform == "identity":
+            return _ANYTHING
+        return _ANYTHING / float(_deviation(info, float(getattr(given, info.name)), np))
+
+    return Joint(given, jax.device_put(np.array([loose(info) for info in given.parameters])))
+
+
 def _bounds(info: ParameterInfo) -> tuple[float, float]:
     if info.transform == "logit":
         return info.usual or (info.lower, info.upper)
-    return 0.0, math.inf
+    return max(info.lower, 0.0), math.inf
 
 
 def _origin(info: ParameterInfo, value: Scalar, xp: Any = jnp) -> Scalar:
     """The variable of a value that is given, far enough from its bounds to be moved."""
     if info.transform == "log" and info.dimension == "1":
-        value = xp.maximum(value, _SMALLEST)
+        value = xp.maximum(value, _bounds(info)[0] + _SMALLEST)
     return to_variable(info.transform, value, *_bounds(info), inside=_LEAST, xp=xp)
 
 

@@ -1,5 +1,6 @@
 """What each place of a structure did in the recordings, by an observer that follows them."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -74,14 +75,31 @@ class Place:
 def places_of(
     problem: HistoryProblem, seen: Followed, rows: dict[str, np.ndarray]
 ) -> tuple[Place, ...]:
-    """Places by their rows on all modes, with the largest deflection and the main period."""
+    """Places by their rows on all modes, with what they have seen."""
     seen_at = np.any(np.asarray(problem.data.weight) > 0, axis=2)
-    kept = problem.predictor.kept
+    predictor, kept = problem.predictor, problem.predictor.kept
+    omega2, left = np.asarray(predictor.omega2), np.asarray(predictor.left)
+    duration = float(np.max(np.sum(seen_at, axis=1))) * float(predictor.dt) * predictor.substeps
+    # A rigid body withstands nothing: what holds it is its inertia.
+    elastic = omega2 > 0.0
+    lowest, highest = (math.sqrt(float(end(omega2[elastic]))) for end in (np.min, np.max))
     found = []
     for label, row in rows.items():
         d, v = (np.where(seen_at, x @ row[:kept], 0.0) for x in seen)
         largest = float(np.max(np.abs(d)))
         rate = float(np.sqrt(np.mean(v**2)))
         period = 2.0 * np.pi * float(np.sqrt(np.mean(d**2))) / rate if rate > 0 else 1.0
-        found.append(Place(label, row, Scales(max(largest, 1e-300), max(period, 1e-12))))
+        squares = np.asarray(row) ** 2
+        moved, other = squares[:kept], squares[kept:]
+        flexibility = float(np.sum(moved[elastic] / omega2[elastic]) + np.sum(other * left))
+        scales = Scales(
+            max(largest, 1e-300),
+            max(period, 1e-12),
+            duration,
+            1.0 / max(flexibility, 1e-300),
+            1.0 / max(float(np.sum(moved)), 1e-300),
+            lowest,
+            highest,
+        )
+        found.append(Place(label, row, scales))
     return tuple(found)

@@ -6,6 +6,7 @@ from iwanjax.joints.background import PowerLawDamping
 from iwanjax.joints.backlash import Backlash
 from iwanjax.joints.bouc_wen import BoucWen
 from iwanjax.joints.catalogue import JOINTS, described, joint_type, register_joint
+from iwanjax.joints.changing_stiffness import ChangingStiffness
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 from iwanjax.joints.drag import QuadraticDrag
@@ -44,6 +45,7 @@ __all__ = [
     "Backlash",
     "BilinearSpring",
     "BoucWen",
+    "ChangingStiffness",
     "CubicSpring",
     "Dashpot",
     "Gap",

@@ -1,26 +1,30 @@
 """The attached oscillator: a mass on a spring and a dashpot that a place carries along."""
 
-from typing import ClassVar, NamedTuple
+import math
+from typing import Any, ClassVar, NamedTuple, Self
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.errors import InputError
-from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.abstract import ParameterInfo, named
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
-from iwanjax.joints.force_law import NestedLaw
+from iwanjax.joints.force_law import NestedLaw, Scales
 from iwanjax.joints.inertia import Inertia
+from iwanjax.joints.motion_only import AbstractMotionOnly
 from iwanjax.types import ArrayLike, real
 
+# Of starting values: masses over what moves at the place, octaves from one frequency to the next,
+# and the damping ratio.
+_MASSES, _OCTAVES, _DAMPED = (0.01, 0.1), 0.25, 0.1
 # Below it a cosine and sine of an angle's root are those of a power series' first terms.
 _SMALL = 1e-8
 # Below it, of stiffness and damper over the mass in units of the step, so many terms are summed.
 _SHORT, _TERMS = 0.5, 14
 
 
-class AttachedOscillator(AbstractJoint):
+class AttachedOscillator(AbstractMotionOnly):
     r"""Attached oscillator: a mass m on a spring k and a dashpot c, as a cable or a fixture.
 
     The deflection d is that of its foot, y that of the mass:
@@ -54,31 +58,24 @@ class AttachedOscillator(AbstractJoint):
         ParameterInfo("k", "force/length", "stiffness of its spring", lower=0.0, transform="log"),
         ParameterInfo("c", "force*time/length", "viscous coefficient", lower=0.0, transform="log"),
     )
-    # Of the deflection at rest its force is none at all.
-    linear: ClassVar[bool] = True
 
     m: Array = eqx.field(converter=named("m"))
     k: Array = eqx.field(converter=named("k"))
     c: Array = eqx.field(converter=named("c"))
 
-    @property
-    def initial_stiffness(self) -> Array:
-        """Zero: held long enough, the mass has followed."""
-        return jnp.zeros_like(self.m * self.k * self.c)
-
-    @property
-    def limit_stiffness(self) -> Array:
-        """Zero."""
-        return self.initial_stiffness
+    @classmethod
+    def begun(cls, seen: Scales, **held: Any) -> tuple[Self, ...]:
+        """Oscillators to begin a search with: over the band of the modes, light and heavy."""
+        octaves = math.log2(seen.highest / (0.5 * seen.lowest))
+        return tuple(
+            cls(m, m * w**2, 2.0 * _DAMPED * m * w)
+            for w in (0.5 * seen.lowest * 2.0 ** np.arange(0.0, octaves, _OCTAVES)).tolist()
+            for m in (share * seen.mass for share in _MASSES)
+        )
 
     def discrete(self, sliders: int | None = None) -> "Attached":
         """The mass moves on its own."""
         return Attached(self.m, self.k, self.c)
-
-    def law(self) -> Law:
-        """No force and no tangent in quasi-static loading."""
-        zero = self.initial_stiffness
-        return lambda d: (zero * d, zero * d)
 
     def secant(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Real part of :math:`K(\omega)`, force/length.
@@ -109,15 +106,7 @@ class AttachedOscillator(AbstractJoint):
         InputError
             When omega is not given.
         """
-        if omega is None:
-            raise InputError(
-                "AttachedOscillator.dissipation needs omega= (rad/s): its loss depends on rate"
-            )
-        return jnp.pi * self._stiffness(omega)[1] * real(d) ** 2
-
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """The in-phase part of the quasi-static loop: zero."""
-        return self.backbone(d)
+        return jnp.pi * self._stiffness(self._rate(omega))[1] * real(d) ** 2
 
     def _stiffness(self, omega: ArrayLike) -> tuple[Array, Array]:
         """Real and imaginary part of K."""

@@ -90,6 +90,11 @@ class BoucWen(AbstractStepped):
         return 0.03 * seen.deflection, 0.3 * seen.deflection
 
     @classmethod
+    def begun(cls, seen: Scales, **held: Any) -> tuple[Self, ...]:
+        """The same with an exponent that can be moved either way."""
+        return super().begun(seen, n=2.0, **held)
+
+    @classmethod
     def nested(cls, **held: Any) -> tuple[NestedLaw, ...]:
         """One that never yields is a spring."""
         return (NEVER_GIVING_WAY,)

@@ -10,6 +10,7 @@ from iwanjax.joints.abstract import AbstractJoint
 from iwanjax.joints.attached_oscillator import AttachedOscillator
 from iwanjax.joints.backlash import Backlash
 from iwanjax.joints.bouc_wen import BoucWen
+from iwanjax.joints.changing_stiffness import ChangingStiffness
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.drag import QuadraticDrag
 from iwanjax.joints.force_law import AbstractForceLaw
@@ -44,6 +45,7 @@ JOINTS: dict[str, type[AbstractJoint]] = {
     "tanh_spring": TanhSpring,
     "bouc_wen": BoucWen,
     "backlash": Backlash,
+    "changing_stiffness": ChangingStiffness,
     "attached_oscillator": AttachedOscillator,
     "unnamed_law": UnnamedLaw,
 }

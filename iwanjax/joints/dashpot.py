@@ -42,7 +42,6 @@ class Dashpot(AbstractRateLaw):
         "a viscous damper",
     )
     either_sign: ClassVar[bool] = True
-    linear: ClassVar[bool] = True
 
     c: Array = eqx.field(converter=named("c"))
 

@@ -53,6 +53,10 @@ class AbstractDiscrete(eqx.Module):
     def init(self) -> Any:
         """State of the virgin element at rest, d = 0."""
 
+    def earlier(self, state: Any, dt: Array) -> Any:
+        """The state at rest so much earlier: the same where an element knows no time."""
+        return state
+
     @abc.abstractmethod
     def step(self, d: Array, v: Array, dt: Array, state: Any) -> Reaction:
         """Move monotonically to deflection d within dt, to arrive at rate v.

@@ -46,8 +46,6 @@ class QuadraticDrag(AbstractRateLaw):
         "quadratic damping (drag)",
     )
     either_sign: ClassVar[bool] = True
-    # Of the deflection its force is none at all.
-    linear: ClassVar[bool] = True
 
     c: Array = eqx.field(converter=named("c"))
 

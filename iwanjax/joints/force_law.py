@@ -1,8 +1,9 @@
 """What a search needs of a law: its step, its factor and shape, starting values, nested laws."""
 
 import abc
+import math
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeAlias
 
 from jaxtyping import Array
 
@@ -42,10 +43,21 @@ class Scales(NamedTuple):
         The largest.
     period : float
         The longest, s.
+    duration : float
+        Of the longest recording, s; a steady cycle has no end.
+    stiffness, mass : float
+        What holds the place, and what moves with it; known of a structure only.
+    lowest, highest : float
+        Circular frequencies of its modes, rad/s.
     """
 
     deflection: float
     period: float
+    duration: float = math.inf
+    stiffness: float = math.nan
+    mass: float = math.nan
+    lowest: float = math.nan
+    highest: float = math.nan
 
 
 class EffectName(NamedTuple):
@@ -89,8 +101,20 @@ class Variant(NamedTuple):
     within: bool = False
 
 
+STRENGTHS = (0.01, 0.1, 1.0)
+"""Forces at the largest deflection, over what holds the place there, of elements to begin with."""
+
 WITHIN_K = Variant("with its stiffness at rest in K already", within=True)
 """Of laws that give way from a stiffness at rest."""
+
+
+class CanBegin(Protocol):
+    """An element that knows where a search of all its parameters may begin."""
+
+    @classmethod
+    def begun(cls, seen: Scales, **held: Any) -> tuple[AbstractJoint, ...]:
+        """Elements, from weak to strong ones."""
+        ...
 
 
 class AbstractForceLaw(AbstractJoint):
@@ -109,11 +133,11 @@ class AbstractForceLaw(AbstractJoint):
     inertial : bool
         Whether the force is in proportion to the acceleration.
     tried : bool
-        Whether a diagnosis tries the law without being asked for it by name. Each law is another
-        rival that every verdict has to exclude, and costs time wherever it acts or not: of a
-        diagnosis of two small structures, in CPU time, a softening spring 2 %, a slider with a
-        dead band 14 and 20 %, Bouc-Wen 71 and 77 %, all three 87 and 95 %. No verdict of the two
-        changed; these three wait to be asked for.
+        Whether a diagnosis tries the law from the beginning. Each law is another rival that every
+        verdict has to exclude, and costs time wherever it acts or not: of a diagnosis of two small
+        structures, in CPU time, a softening spring 2 %, a slider with a dead band 14 and 20 %,
+        Bouc-Wen 71 and 77 %, all three 87 and 95 %. Others come in where those leave more than
+        noise, with all of their parameters; where steady cycles are, when asked for by name.
     """
 
     effect: ClassVar[EffectName | None] = None
@@ -159,6 +183,18 @@ class AbstractForceLaw(AbstractJoint):
     def starts(cls, seen: Scales) -> tuple[float, ...]:
         """Values of the shape to begin a search with; one of no effect without a shape."""
         return (1.0,)
+
+    @classmethod
+    def begun(cls, seen: Scales, **held: Any) -> tuple[Self, ...]:
+        """Elements to begin a search of all parameters with, from weak to strong ones."""
+        found = []
+        for shape in cls.starts(seen):
+            unit = float(cls.scaled(1.0, shape, **held).backbone(seen.deflection))
+            whole = seen.stiffness * seen.deflection / unit
+            sizes = [share * whole for share in STRENGTHS]
+            sizes += [-size for size in sizes] if cls.either_sign else []
+            found += [cls.scaled(size, shape, **held) for size in sizes]
+        return tuple(found)
 
     @classmethod
     def nested(cls, **held: Any) -> "tuple[NestedLaw, ...]":

@@ -6,16 +6,17 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.abstract import ParameterInfo, named
 from iwanjax.joints.force_law import (
     EffectName,
     PlaceMotion,
 )
+from iwanjax.joints.motion_only import AbstractMotionOnly
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
 
 
-class Inertia(AbstractStepped):
+class Inertia(AbstractMotionOnly, AbstractStepped):
     """Inertia: F = m a, a mass at a row to ground, an inerter (Smith 2002) between two points.
 
     Quasi-statically it carries nothing, and over a cycle nothing is lost.
@@ -36,34 +37,14 @@ class Inertia(AbstractStepped):
         "a mass",
     )
     either_sign: ClassVar[bool] = True
-    # Of the deflection its force is none at all.
-    linear: ClassVar[bool] = True
     inertial: ClassVar[bool] = True
 
     m: Array = eqx.field(converter=named("m"))
-
-    @property
-    def limit_stiffness(self) -> Array:
-        """Zero."""
-        return jnp.zeros_like(self.m)
 
     def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
         """The force at the acceleration that the step ends with; nothing is remembered."""
         return self.m * motion.a, memory
 
-    def law(self) -> Law:
-        """No force and no tangent in quasi-static loading."""
-        zero = jnp.zeros_like(self.m)
-        return lambda d: (zero * d, zero * d)
-
-    def secant(self, d: ArrayLike) -> Float[Array, "..."]:
-        """Zero: it depends on the frequency, whatever the amplitude."""
-        return self.backbone(d)
-
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         """Zero at any frequency."""
         return jnp.zeros_like(self.m) * real(d)
-
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """Zero."""
-        return self.backbone(d)

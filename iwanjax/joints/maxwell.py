@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.errors import InputError
-from iwanjax.joints.abstract import Law, ParameterInfo, named
+from iwanjax.joints.abstract import ParameterInfo, named
 from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 from iwanjax.joints.force_law import (
@@ -19,6 +18,7 @@ from iwanjax.joints.force_law import (
     Scales,
     stiffness_alone,
 )
+from iwanjax.joints.motion_only import AbstractMotionOnly
 from iwanjax.joints.springs import LinearSpring
 from iwanjax.types import ArrayLike, real
 
@@ -32,7 +32,7 @@ _MEAN = 1.0 / (_FACTORIALS[1:] * (_POWERS + 3.0))
 _MOMENT = 1.0 / (_FACTORIALS[1:] * (_POWERS + 4.0))
 
 
-class Maxwell(AbstractForceLaw):
+class Maxwell(AbstractMotionOnly, AbstractForceLaw):
     r"""Maxwell element: spring k in series with a dashpot c.
 
     With the relaxation time :math:`\tau = c/k`
@@ -71,8 +71,6 @@ class Maxwell(AbstractForceLaw):
         "damping and stiffness that depend on frequency, not on amplitude",
         "a viscoelastic element (Maxwell)",
     )
-    # Of the deflection at rest its force is none at all.
-    linear: ClassVar[bool] = True
 
     k: Array = eqx.field(converter=named("k"))
     c: Array = eqx.field(converter=named("c"))
@@ -122,24 +120,9 @@ class Maxwell(AbstractForceLaw):
         )
         return after.force, after.force / self.k
 
-    @property
-    def initial_stiffness(self) -> Array:
-        """Zero: at rest the dashpot has yielded."""
-        return jnp.zeros_like(self.k * self.c)
-
-    @property
-    def limit_stiffness(self) -> Array:
-        """Zero."""
-        return jnp.zeros_like(self.k * self.c)
-
     def discrete(self, sliders: int | None = None) -> "Relaxing":
         """The force relaxes while it is built up."""
         return Relaxing(self.k, self.c)
-
-    def law(self) -> Law:
-        """No force and no tangent in quasi-static loading."""
-        zero = self.initial_stiffness
-        return lambda d: (zero * d, zero * d)
 
     def secant(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Storage stiffness :math:`k(\omega\tau)^2/(1+(\omega\tau)^2)`, force/length.
@@ -171,14 +154,8 @@ class Maxwell(AbstractForceLaw):
         InputError
             When omega is not given.
         """
-        if omega is None:
-            raise InputError("Maxwell.dissipation needs omega= (rad/s): its loss depends on rate")
-        ratio = real(omega) * self.c / self.k
+        ratio = self._rate(omega) * self.c / self.k
         return jnp.pi * self.k * ratio / (1.0 + ratio**2) * real(d) ** 2
-
-    def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
-        """The in-phase part of the quasi-static loop: zero."""
-        return self.backbone(d)
 
 
 class RelaxingState(NamedTuple):

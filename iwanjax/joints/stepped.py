@@ -142,6 +142,8 @@ class SteppedState(NamedTuple):
         How many there were, two for more.
     force, memory : array
         At the end of the last step.
+    by_d, by_v : array
+        What more of d and of v there adds to the memory.
     """
 
     d: Array
@@ -150,6 +152,8 @@ class SteppedState(NamedTuple):
     steps: Array
     force: Array
     memory: Array
+    by_d: Array
+    by_v: Array
 
 
 class Stepped(AbstractDiscrete):
@@ -170,7 +174,7 @@ class Stepped(AbstractDiscrete):
 
     def init(self) -> SteppedState:
         """At rest."""
-        return SteppedState(*(jnp.zeros(()),) * 6)
+        return SteppedState(*(jnp.zeros(()),) * 8)
 
     def step(self, d: Array, v: Array, dt: Array, state: SteppedState) -> Reaction:
         """Move to d, to arrive at rate v."""
@@ -185,11 +189,23 @@ class Stepped(AbstractDiscrete):
             return self.joint.follow(PlaceMotion(d, v, a, d - state.d, dt), state.memory)
 
         one, none = jnp.ones_like(d), jnp.zeros_like(d)
-        (force, memory), (stiffness, _) = jax.jvp(react, (d, v), (one, none))
-        _, (damping, _) = jax.jvp(react, (d, v), (none, one))
+        (force, memory), (stiffness, by_d) = jax.jvp(react, (d, v), (one, none))
+        _, (damping, by_v) = jax.jvp(react, (d, v), (none, one))
         loss = 0.5 * (force + state.force) * (d - state.d)
-        after = SteppedState(d, v, state.v, jnp.minimum(state.steps + 1.0, 2.0), force, memory)
+        steps = jnp.minimum(state.steps + 1.0, 2.0)
+        after = SteppedState(d, v, state.v, steps, force, memory, by_d, by_v)
         return Reaction(force, stiffness, damping, after, loss)
+
+    def settled(
+        self, state: SteppedState, by: Array, faster: Array, stiffness: Array
+    ) -> SteppedState:
+        """The same step with another end, to first order."""
+        return state._replace(
+            d=state.d + by,
+            v=state.v + faster,
+            force=state.force + stiffness * by,
+            memory=state.memory + state.by_d * by + state.by_v * faster,
+        )
 
     def energy(self, d: Array, state: SteppedState) -> Array:
         """None that is known of."""

@@ -150,14 +150,6 @@ class JointFaultSettings:
         Prior deviation of theta over a given joint's.
     loose_joint : tuple of float
         The same of the parameters of a joint left out.
-    loose_oscillator : float
-        Prior deviation of the logarithms of mass, stiffness and damper of an attached oscillator.
-    masses : tuple of float
-        Its masses to begin with, over that which moves where it is attached.
-    octaves : float
-        Step of its frequencies to begin with.
-    damped : float
-        Damping ratio to begin with.
     macroslip_step : float
         Step of the logarithm of the deflection at which macroslip may begin, over that of the fit.
     macroslip_before, macroslip_beyond : int
@@ -177,10 +169,6 @@ class JointFaultSettings:
     ahead: float = 1.3
     loose_theta: float = 3.0
     loose_joint: tuple[float, ...] = (4.0, 8.0, 1.5, 2.0)
-    loose_oscillator: float = 4.0
-    masses: tuple[float, ...] = (0.01, 0.1)
-    octaves: float = 0.25
-    damped: float = 0.1
     macroslip_step: float = 0.4
     macroslip_before: int = 2
     macroslip_beyond: int = 3

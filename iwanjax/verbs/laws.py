@@ -18,10 +18,10 @@ _HEADER = ("type", "parameters", "found as", "what it is")
 _OTHERS: dict[type[AbstractJoint], str] = {
     Iwan4: "iwan_joint",
     Iwan5: "stiction",
-    AttachedOscillator: "attached_oscillator",
+    AttachedOscillator: "(attached_oscillator)",
     UnnamedLaw: "unnamed_law",
 }
-_NOTE = "In brackets: tried where a study's key hypotheses names it. Others are tried in any case."
+_NOTE = "In brackets: tried where all others leave more than noise (of curves: where named)."
 
 
 def run() -> str:

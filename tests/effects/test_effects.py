@@ -10,8 +10,8 @@ import pytest
 from jaxtyping import Array
 
 import iwanjax as ij
-from iwanjax.effects.catalogue import CATALOGUE, catalogue, kinds_of
-from iwanjax.effects.kinds import ForceKind
+from iwanjax.effects.catalogue import CATALOGUE, catalogue, kinds_in_time, kinds_of
+from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.joints import JOINTS, AbstractStepped, ParameterInfo, PlaceMotion, Scales
 
 FORCES = [kind for kinds in catalogue().values() for kind in kinds if isinstance(kind, ForceKind)]
@@ -126,7 +126,13 @@ def test_a_registered_law_is_a_hypothesis(registered: Any):
     assert kind.shapes(Scales(2.0, 1.0)) == (1.0,)
     assert kind.usual == "A law with a shape"
     (held,) = kinds_of(("held",))
+    assert isinstance(held, ForceKind)
     assert held not in kinds_of()
+    # In motions it is tried where others leave much, with all of its parameters.
+    (whole,) = kinds_in_time(("held",))
+    assert isinstance(whole, JointKind)
+    assert whole in kinds_in_time()
+    assert [info.name for info in whole.parameters] == ["k", "width"]
 
 
 @pytest.mark.parametrize(

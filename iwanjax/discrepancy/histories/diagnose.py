@@ -41,7 +41,7 @@ from iwanjax.discrepancy.histories.validation import (
     unforeseen,
 )
 from iwanjax.discrepancy.judgement import judged
-from iwanjax.effects.catalogue import kinds_of, sensor_faults_of
+from iwanjax.effects.catalogue import kinds_in_time, sensor_faults_of
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.errors import InputError, attempted
 from iwanjax.estimation.evidence import LEAST_GAIN
@@ -138,7 +138,7 @@ def diagnose_histories(
     """
     require_double_precision("diagnose")
     started = time.perf_counter()
-    kinds, numbers = kinds_of(hypotheses), settings().histories
+    kinds, numbers = kinds_in_time(hypotheses), settings().histories
     places = {name: finite_array(row, name) for name, row in rows.items()}
     for what, named in (("inputs", inputs), ("sensors", sensors)):
         if not named:

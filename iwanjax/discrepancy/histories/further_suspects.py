@@ -125,15 +125,9 @@ def _sizes(
     problem: HistoryProblem, kind: ForceKind | AbstractFault, place: Place, largest: float
 ) -> list[float]:
     """Sizes whose largest forces are shares of what the place withstands where it went to."""
-    predictor, kept = problem.predictor, problem.predictor.kept
-    squares, omega2 = np.asarray(place.row) ** 2, np.asarray(predictor.omega2)
-    # A rigid body withstands nothing: what holds it is its inertia.
-    elastic = omega2 > 0.0
-    flexibility = np.sum(squares[:kept][elastic] / omega2[elastic])
-    flexibility += np.sum(squares[kept:] * np.asarray(predictor.left))
-    if not (0.0 < largest < np.inf and flexibility > 0.0):
+    if not 0.0 < largest < np.inf:
         return []
-    whole = place.scales.deflection / flexibility
+    whole = place.scales.deflection * place.scales.stiffness
     sizes = [share * whole / largest for share in problem.settings.probing.shares]
     return sizes if kind.positive else [*sizes, *(-size for size in sizes)]
 

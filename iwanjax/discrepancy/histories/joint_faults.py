@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import numpy as np
 
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
@@ -105,7 +104,7 @@ def with_joint_faults(
     return _compared(shorts, entries, found, scope)
 
 
-def with_attached_oscillators(
+def with_further_laws(
     problem: HistoryProblem,
     nominal: HypothesisFit,
     shorts: Sequence[RankedFit],
@@ -113,7 +112,7 @@ def with_attached_oscillators(
     places: Sequence[Place],
     scope: Scope,
 ) -> list[RankedFit]:
-    """Something that vibrates on its own, where nothing else explains much.
+    """Laws with all of their parameters, where nothing else explains much.
 
     Parameters
     ----------
@@ -123,38 +122,22 @@ def with_attached_oscillators(
         Where something acts most likely, in order.
     """
     best, known = least(nominal, entries), problem.settings
-    kinds = [
-        each
-        for each in scope.kinds
-        if isinstance(each, JointKind) and each.name == "attached_oscillator"
-    ]
-    if not kinds or best.cost < known.selection.misfit * left_by_noise(problem):
+    if best.cost < known.selection.misfit * left_by_noise(problem):
         return entries
-    scope.progress("refitting attached oscillators")
+    # Joints that are bent to explain something else are a bad place to begin from.
     z = nominal.theta.mean(axis=0)[: problem.parameters]
-    made = [
-        hypotheses.with_oscillator(problem, kind, place, _oscillators(problem, place, z))
-        for kind in kinds
-        for place in places[: known.selection.finalists]
-    ]
-    limits = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT)
-    return _compared(shorts, entries, _best_of_each(made, limits, scope), scope)
-
-
-def _oscillators(
-    problem: HistoryProblem, place: Place, z: np.ndarray
-) -> list[hypotheses.OscillatorStart]:
-    """Frequencies over the band of the modes that are kept, masses over what moves at the place."""
-    known, kept = problem.settings.joint_faults, problem.predictor.kept
-    omega = np.sqrt(np.asarray(problem.predictor.omega2))
-    first, last = 0.5 * min(omega[omega > 0.0]), float(np.max(omega))
-    steps = np.arange(0.0, math.log2(last / first), known.octaves)
-    carried = 1.0 / float(np.sum(place.row[:kept] ** 2))
-    return [
-        hypotheses.OscillatorStart(m, m * w**2, 2.0 * known.damped * m * w, z)
-        for w in (first * 2.0**steps).tolist()
-        for m in (share * carried for share in known.masses)
-    ]
+    beside = [z, problem.with_given_joints(z)] if problem.joints else [z]
+    limits, found = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT), []
+    for kind in scope.kinds:
+        if not (isinstance(kind, JointKind) and kind.law):
+            continue
+        scope.progress(f"refitting {kind.usual}")
+        made = []
+        for place in places[: known.selection.finalists]:
+            guesses = kind.law.begun(place.scales, **dict(kind.held))
+            made.append(hypotheses.with_law(problem, kind, place, guesses, beside))
+        found += _best_of_each(made, limits, scope)
+    return _compared(shorts, entries, found, scope)
 
 
 def explaining_too_little(

@@ -28,6 +28,7 @@ from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.identification.parameter_map import ParameterMap
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
+from iwanjax.joints import AbstractJoint
 from iwanjax.joints.force_law import Scales, Values
 
 # What a sensor has seen, for no limit of a sensor's depends on it.
@@ -131,10 +132,16 @@ def _values(entry: RankedFit, slot: int) -> Values:
     hypothesis, problem = entry.fitted.hypothesis, entry.problem
     kind, theta = hypothesis.kinds[slot], entry.fitted.start.common
     if isinstance(kind, JointKind):
-        joint = joints_of(problem.joints, jax.device_put(theta[: problem.parameters]))[-1]
-        return tuple(float(getattr(joint, info.name)) for info in kind.parameters)
+        return tuple(float(getattr(_joint(entry), info.name)) for info in kind.parameters)
     size, shape = hypothesis.physical(theta, problem.map, slot)
     return (size, shape) if hypothesis.shapes[slot] else (size,)
+
+
+def _joint(entry: RankedFit) -> AbstractJoint:
+    """The last joint of a fit, which the model had too few."""
+    own = entry.problem
+    z = entry.fitted.start.common[: own.parameters]
+    return joints_of(own.joints, jax.device_put(z))[-1]
 
 
 def none_worse(base: RankedFit, entries: Sequence[RankedFit], scope: Scope) -> list[RankedFit]:
@@ -298,10 +305,10 @@ def _start(
             if kind.name == "stiction":
                 j = scope.joints.index(where)
                 own, made = hypotheses.with_stiction(base, kind, j, where, (1.0 - share,), common)
-            elif kind.name == "attached_oscillator":
-                m, k, c = values or (share * each for each in _values(entry, slot))
-                guess = hypotheses.OscillatorStart(m, k, c, common)
-                own, made = hypotheses.with_oscillator(base, kind, places[where], [guess])
+            elif kind.law is not None:
+                joint = _joint(entry)
+                guess = type(joint)(*values) if values else hypotheses.weakened(joint, share)
+                own, made = hypotheses.with_law(base, kind, places[where], [guess], [common])
             else:
                 F_S, K_T, _, beta = values or _values(entry, slot)
                 if K_T <= 0.0:

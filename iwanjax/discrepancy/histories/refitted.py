@@ -11,7 +11,7 @@ from iwanjax.discrepancy.findings import Refitted
 from iwanjax.discrepancy.histories.ranking import RankedFit
 from iwanjax.dynamics.coordinates import ModalCoordinates
 from iwanjax.effects.estimate import Estimate
-from iwanjax.effects.kinds import ForceKind, JointKind
+from iwanjax.effects.kinds import ForceKind, JointKind, Kind, UnnamedKind
 from iwanjax.identification.estimates import estimates
 from iwanjax.identification.joint_priors import FreeLaw, joints_of
 from iwanjax.identification.likelihood import covariance
@@ -115,8 +115,9 @@ def beyond_trust(problem: HistoryProblem, fitted: HypothesisFit, names: Sequence
     ]
 
 
-# Kinds that a fit has as a joint of its own, the last one.
-_JOINTS_MORE = ("iwan_joint", "attached_oscillator", "unnamed_law")
+def _a_joint_more(kind: Kind) -> bool:
+    """Whether a fit has it as a joint of its own, the last one."""
+    return isinstance(kind, UnnamedKind) or (isinstance(kind, JointKind) and kind.more)
 
 
 def ordered(problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str]) -> list[str]:
@@ -126,7 +127,7 @@ def ordered(problem: HistoryProblem, fitted: HypothesisFit, labels: Sequence[str
     for kind, where in pairs:
         if kind.name == "stiction":
             names = [where, *(each for each in names if each != where)]
-        elif kind.name in _JOINTS_MORE and more:
+        elif _a_joint_more(kind) and more:
             names.append(where)
     return names
 
@@ -175,7 +176,7 @@ def corrected_model(
     refitted = dict(elements[: len(structure.labels)])
     given = zip(structure.labels, np.asarray(structure.rows), strict=True)
     joints = {name: (row, refitted[name]) for name, row in given}
-    kinds = [kind.name for kind in best.fitted.hypothesis.kinds if kind.name in _JOINTS_MORE]
+    kinds = [kind.name for kind in best.fitted.hypothesis.kinds if _a_joint_more(kind)]
     joints |= {
         f"{kind}@{where}": (rows[where], joint)
         for kind, (where, joint) in zip(kinds, added, strict=True)

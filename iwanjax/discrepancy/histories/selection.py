@@ -11,7 +11,7 @@ from iwanjax.discrepancy.findings import PlaceEvidence, Score
 from iwanjax.discrepancy.histories.further_suspects import appearing, probed
 from iwanjax.discrepancy.histories.joint_faults import (
     like_a_joint,
-    with_attached_oscillators,
+    with_further_laws,
     with_joint_faults,
     with_joints_left_out,
 )
@@ -168,7 +168,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         entries = with_joints_left_out(problem, nominal, shorts, entries, candidates, scope)
     entries = with_joint_faults(problem, nominal, shorts, entries, scope)
     likely = by_evidence(places, scope.places)
-    entries = with_attached_oscillators(problem, nominal, shorts, entries, likely, scope)
+    entries = with_further_laws(problem, nominal, shorts, entries, likely, scope)
     base, entries = ranked(base, entries)
     if entries and scope.in_time() and restart_wanted(problem, base.fitted, entries):
         # Nothing that was tried explains all: ends that agreed may all have been the wrong one.

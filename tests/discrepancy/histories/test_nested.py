@@ -24,12 +24,13 @@ from iwanjax.identification.hypotheses import (
     joined,
     sensor,
     with_joint,
+    with_law,
     with_stiction,
 )
 from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.multistart import multistart
 from iwanjax.identification.problem import Start
-from iwanjax.joints import Scales
+from iwanjax.joints import AttachedOscillator, Scales
 
 
 def _key_of(kind: Kind) -> str:
@@ -124,6 +125,9 @@ def begun(searched, *names: str, stiffness: float = 5e3) -> RankedFit:
     for kind in (KINDS[name] for name in names):
         if isinstance(kind, JointKind) and kind.name == "stiction":
             own, starts = with_stiction(problem, kind, 0, "J1", (0.6,), Z, beside)
+        elif isinstance(kind, JointKind) and kind.law:
+            joint = AttachedOscillator(0.1, 5e3, 1.0)
+            own, starts = with_law(problem, kind, place, [joint], [Z])
         elif isinstance(kind, JointKind):
             own, starts = with_joint(problem, kind, place, [JointStart(5e3, 3e-4, Z)], beside)
     if not names:
