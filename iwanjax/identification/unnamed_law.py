@@ -105,12 +105,9 @@ def with_unnamed_law(
     z : sequence of (parameters,) array
         Joints to begin with.
     """
-    seen, kept = place.scales, problem.predictor.kept
-    omega2 = np.asarray(problem.predictor.omega2)
-    moving = omega2 > 0.0
-    flexible = float(np.sum(place.row[:kept][moving] ** 2 / omega2[moving]))
+    seen = place.scales
     # As much force as bends the structure as far as the place has moved.
-    force = seen.deflection / flexible
+    force = seen.deflection * seen.stiffness
     rate = 2.0 * math.pi * seen.deflection / seen.period
     law = UnnamedLaw.blank(seen.deflection, rate, seen.period)
     joint = FreeLaw(law, jnp.full(len(TERMS), force))

@@ -140,6 +140,8 @@ class JointFaultSettings:
         Places where a whole joint is tried, and how many starts.
     slips, slipped : tuple of float
         Slips to begin with, over the largest deflection, and over a slider's own.
+    near : int
+        Starts of a whole law of which it is seen what a step promises.
     elsewhere : int
         Places where the joint found is tried again, scaled to what they do.
     pairs : int
@@ -164,6 +166,7 @@ class JointFaultSettings:
     guesses: int = 6
     slips: tuple[float, ...] = (0.1, 1.0)
     slipped: tuple[float, ...] = (1.0, 4.0)
+    near: int = 12
     elsewhere: int = 4
     pairs: int = 2
     ahead: float = 1.3

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
+import numpy as np
 
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
@@ -24,6 +25,7 @@ from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.identification import hypotheses
 from iwanjax.identification.joint_priors import joints_of
 from iwanjax.identification.likelihood import left_by_noise
+from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
@@ -135,9 +137,18 @@ def with_further_laws(
         made = []
         for place in places[: known.selection.finalists]:
             guesses = kind.law.begun(place.scales, **dict(kind.held))
-            made.append(hypotheses.with_law(problem, kind, place, guesses, beside))
+            own, starts = hypotheses.with_law(problem, kind, place, guesses, beside)
+            made.append((own, _nearest(own, starts, known.joint_faults.near)))
         found += _best_of_each(made, limits, scope)
     return _compared(shorts, entries, found, scope)
+
+
+def _nearest(problem: HistoryProblem, starts: Sequence[Start], most: int) -> list[Start]:
+    """Those that leave least as they are: what one step promises costs ten times as much."""
+    points = [(start.hypothesis, problem.still(start.theta)) for start in starts]
+    left = residuals_at(problem, points, SHORT_TIME_CONSTANT)
+    order = np.argsort([np.sum(each**2) for each in left], kind="stable")
+    return [starts[i] for i in order[:most]]
 
 
 def explaining_too_little(
