@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -28,6 +29,9 @@ from iwanjax.identification.unnamed_law import UnnamedFit, fit_unnamed_law
 from iwanjax.joints import PlaceMotion, UnnamedLaw, hysteresis
 from iwanjax.joints.unnamed_terms import PARTS
 from iwanjax.settings.stages import settings
+
+# Of the logarithm of a largest deflection: a quarter of the outermost interval of the spring.
+_TO_SCALE = 0.05
 
 
 class PlacedLaw(NamedTuple):
@@ -85,8 +89,25 @@ def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) ->
     best = int(np.argmax(odds))
     memories = (TIME_CONSTANT, known.long_time_constant, math.inf)
     scope.progress(f"the general law at {ended[best].place.label}, to the free run")
-    found = ended[best].onward(memories, known.polish, scope.in_time)
+    found = _to_scale(ended[best], problem, scope)
+    found = found.onward(memories, known.polish, scope.in_time)
     return PlacedLaw(found, float(odds[best]))
+
+
+def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> UnnamedFit:
+    """The fit with a law of the motions that it has itself, where those differ from the law's.
+
+    What a place has seen was told by a model without the law. Of terms beyond what it has really
+    seen the recordings say nothing.
+    """
+    motion = _motion(found, float(problem.predictor.dt) * problem.predictor.substeps)
+    largest, fastest = (float(jnp.max(jnp.abs(x))) for x in (motion.d, motion.v))
+    if abs(math.log(largest / float(found.law.deflection))) < _TO_SCALE or not scope.in_time():
+        return found
+    seen = found.place.scales._replace(deflection=largest, period=2.0 * math.pi * largest / fastest)
+    z = found.fitted.theta.mean(axis=0)[: problem.parameters]
+    begun = problem, UnnamedKind(), replace(found.place, scales=seen), [z]
+    return fit_unnamed_law(*begun, (SHORT_TIME_CONSTANT,), STEPS, scope.in_time)
 
 
 class Ended(NamedTuple):
