@@ -33,7 +33,7 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 11,
     "config": 21,
-    "discrepancy": 28,
+    "discrepancy": 29,
     "dynamics": 16,
     "estimation": 13,
     "identification": 36,

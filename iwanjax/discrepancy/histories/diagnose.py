@@ -225,7 +225,7 @@ def diagnose_histories(
     beyond = attempted(
         "looking for a law that has no name",
         lambda: beyond_names(
-            table, problem, scope, Ended(verdict, before, after, allowed), sampling_rate, sides.free
+            table, problem, scope, Ended(verdict, before, after, allowed), sides.free
         ),
         None,
         failures,

@@ -124,22 +124,24 @@ def with_further_laws(
         Where something acts most likely, in order.
     """
     best, known = least(nominal, entries), problem.settings
-    if best.cost < known.selection.misfit * left_by_noise(problem):
+    enough = known.selection.misfit * left_by_noise(problem)
+    kinds = [kind for kind in scope.kinds if isinstance(kind, JointKind) and kind.law]
+    if not kinds or best.cost < enough:
         return entries
     # Joints that are bent to explain something else are a bad place to begin from.
     z = nominal.theta.mean(axis=0)[: problem.parameters]
     beside = [z, problem.with_given_joints(z)] if problem.joints else [z]
     limits, found = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT), []
-    for kind in scope.kinds:
-        if not (isinstance(kind, JointKind) and kind.law):
-            continue
-        scope.progress(f"refitting {kind.usual}")
-        made = []
-        for place in places[: known.selection.finalists]:
+    for place in places[: known.selection.finalists]:
+        for kind in kinds:
+            assert kind.law
+            scope.progress(f"refitting {kind.usual} at {place.label}")
             guesses = kind.law.begun(place.scales, **dict(kind.held))
             own, starts = hypotheses.with_law(problem, kind, place, guesses, beside)
-            made.append((own, _nearest(own, starts, known.joint_faults.near)))
-        found += _best_of_each(made, limits, scope)
+            made = [(own, _nearest(own, starts, known.joint_faults.near))]
+            found += _best_of_each(made, limits, scope)
+        if min(map(cost_of, found), default=math.inf) < enough:
+            break
     return _compared(shorts, entries, found, scope)
 
 

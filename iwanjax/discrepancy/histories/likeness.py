@@ -1,6 +1,8 @@
 """What a general law is like: in words by the forces of its parts, and by the names nearest it."""
 
+import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -130,14 +132,81 @@ def nearest(kinds: Sequence[ForceKind], motion: PlaceMotion, force: np.ndarray) 
     return {name: each / total for name, each in ordered[: known.listed]}
 
 
-def _left(kind: ForceKind, motion: PlaceMotion, force: np.ndarray) -> float:
-    """Sum of squares that the best size and shape leave, the shape on a grid about its starts."""
+class SizedLaw(NamedTuple):
+    """A named law of some size and shape.
+
+    Attributes
+    ----------
+    kind : ForceKind
+        Its name.
+    size, shape : float
+        As a search takes them.
+    """
+
+    kind: ForceKind
+    size: float
+    shape: float
+
+
+def nearest_pairs(
+    kinds: Sequence[ForceKind], motion: PlaceMotion, force: np.ndarray
+) -> list[tuple[SizedLaw, SizedLaw]]:
+    """Two different names whose forces together are nearest to a law's, the best pairs first.
+
+    Parameters
+    ----------
+    kinds, motion, force
+        As for :func:`nearest`.
+
+    Returns
+    -------
+    list of pairs
+        Each of two names once, in either form, of the best shapes on their grids.
+    """
+    columns, owners = [], []
+    for kind in kinds:
+        shapes, unit = _on_grid(kind, motion)
+        unit = unit.reshape(len(unit), -1)
+        sound = np.flatnonzero(np.all(np.isfinite(unit), axis=1) & np.any(unit != 0.0, axis=1))
+        columns.append(unit[sound])
+        owners += [(kind, float(shapes[i])) for i in sound]
+    X = np.concatenate(columns)
+    along, square = X @ np.ravel(force), np.maximum(np.sum(X**2, axis=1), 1e-300)
+    positive = np.array([kind.positive for kind, _ in owners])
+    found: dict[frozenset[int], tuple[float, tuple[SizedLaw, SizedLaw]]] = {}
+    for i, (first, shape) in enumerate(owners):
+        both = X @ X[i]
+        rest = np.maximum(square - both**2 / square[i], 1e-9 * square)
+        size = (along - both * along[i] / square[i]) / rest
+        own = (along[i] - both * size) / square[i]
+        taken = own * along[i] + size * along
+        taken[(positive & (size < 0.0)) | (positive[i] & (own < 0.0))] = -math.inf
+        for j in np.argsort(-taken, kind="stable").tolist():
+            second, other = owners[j]
+            if second is first or not math.isfinite(taken[j]):
+                continue
+            pair = SizedLaw(first, float(own[j]), shape), SizedLaw(second, float(size[j]), other)
+            key = frozenset((id(first), id(second)))
+            if key not in found or taken[j] > found[key][0]:
+                found[key] = (float(taken[j]), pair)
+            # Behind it are pairs of this first law that are worse.
+            break
+    return [pair for _, pair in sorted(found.values(), key=lambda each: -each[0])]
+
+
+def _on_grid(kind: ForceKind, motion: PlaceMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Shapes about where a search begins, and forces of size 1, (shapes, recordings, N)."""
     largest = float(np.max(np.abs(motion.d)))
     rate = max(float(np.max(np.abs(motion.v))), 1e-300)
     starts = kind.shapes(Scales(largest, 2.0 * np.pi * largest / rate))
     around = 10.0 ** np.linspace(-1.0, 1.0, 9) if kind.shape is not None else np.ones(1)
     shapes = np.unique(np.outer(starts, around))
-    unit = np.asarray(_unit_forces(kind, jnp.asarray(shapes), motion))
+    return shapes, np.asarray(_unit_forces(kind, jnp.asarray(shapes), motion))
+
+
+def _left(kind: ForceKind, motion: PlaceMotion, force: np.ndarray) -> float:
+    """Sum of squares that the best size and shape leave, the shape on a grid about its starts."""
+    _, unit = _on_grid(kind, motion)
     along, alone = np.einsum("srn,rn->s", unit, force), np.einsum("srn,srn->s", unit, unit)
     size = along / np.maximum(alone, 1e-300)
     size = np.maximum(size, 0.0) if kind.positive else size

@@ -9,6 +9,7 @@ import numpy as np
 
 from iwanjax.discrepancy.findings import PlaceEvidence, Score
 from iwanjax.discrepancy.histories.further_suspects import appearing, probed
+from iwanjax.discrepancy.histories.general_law import PlacedLaw, as_two_laws, general_law
 from iwanjax.discrepancy.histories.joint_faults import (
     like_a_joint,
     with_further_laws,
@@ -77,6 +78,8 @@ class ModelSelection(NamedTuple):
         Of the screening.
     places : tuple of PlaceEvidence
         The same of all laws of a place at once, the likeliest first.
+    general : PlacedLaw, optional
+        A general law with the shortest memory, where names leave much.
     """
 
     detected: bool
@@ -84,6 +87,7 @@ class ModelSelection(NamedTuple):
     entries: tuple[RankedFit, ...]
     scores: tuple[Score, ...]
     places: tuple[PlaceEvidence, ...] = ()
+    general: PlacedLaw | None = None
 
     @property
     def best(self) -> RankedFit:
@@ -169,6 +173,10 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     entries = with_joint_faults(problem, nominal, shorts, entries, scope)
     likely = by_evidence(places, scope.places)
     entries = with_further_laws(problem, nominal, shorts, entries, likely, scope)
+    general = None
+    if least(nominal, entries).cost > FAR * left_by_noise(problem) and likely and scope.in_time():
+        general = general_law(problem, nominal, likely, scope)
+        entries = distinct([*entries, *as_two_laws(problem, general, scope)])
     base, entries = ranked(base, entries)
     if entries and scope.in_time() and restart_wanted(problem, base.fitted, entries):
         # Nothing that was tried explains all: ends that agreed may all have been the wrong one.
@@ -179,7 +187,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         base, entries = ranked(base, with_nested_laws(problem, entries, scope))
     base, entries = ranked(base, none_worse(base, entries, scope))
     found = bool(entries) and missing(base, entries[0])
-    return ModelSelection(found, base, tuple(entries), scores, places)
+    return ModelSelection(found, base, tuple(entries), scores, places, general)
 
 
 def concluded(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> ModelSelection:

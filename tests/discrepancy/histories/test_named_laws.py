@@ -50,21 +50,44 @@ def loosening(rate: float = -8e3 * RATE / N) -> Law:
     return law
 
 
+def rubbing_freeplay(k: float = 4e4, gap: float = 1.2e-4, slip: float = 2e-5) -> Law:
+    """A clearance in which something rubs."""
+    stretch = 0.0
+
+    def law(d: float, v: float, moved: float) -> float:
+        nonlocal stretch
+        stretch = min(max(stretch + moved, -slip), slip)
+        return k * stretch + k * math.copysign(max(abs(d) - gap, 0.0), d)
+
+    return law
+
+
 @pytest.mark.parametrize(
-    ("name", "law", "values"),
+    ("name", "law", "values", "late"),
     [
-        pytest.param("tanh_spring", softening, {"k": 2e4, "width": 2e-4}, marks=pytest.mark.long),
-        pytest.param("bouc_wen", bouc_wen, {"F_S": 3.0, "K_T": 2e4, "n": 2.0}),
         pytest.param(
-            "backlash", backlash, {"F_S": 0.6, "K_T": 2e4, "gap": 1e-4}, marks=pytest.mark.long
+            "tanh_spring", softening, {"k": 2e4, "width": 2e-4}, LATE, marks=pytest.mark.long
+        ),
+        # Each late law compiles kernels of its own.
+        ("bouc_wen", bouc_wen, {"F_S": 3.0, "K_T": 2e4, "n": 2.0}, ("bouc_wen",)),
+        pytest.param(
+            "backlash",
+            backlash,
+            {"F_S": 0.6, "K_T": 2e4, "gap": 1e-4},
+            LATE,
+            marks=pytest.mark.long,
         ),
         pytest.param(
-            "changing_stiffness", loosening, {"rate": -8e3 * RATE / N}, marks=pytest.mark.long
+            "changing_stiffness",
+            loosening,
+            {"rate": -8e3 * RATE / N},
+            LATE,
+            marks=pytest.mark.long,
         ),
     ],
 )
-def test_a_concealed_law_is_found_at_its_place(name, law, values):
-    found = diagnosed(law, (*RIVALS, *LATE))
+def test_a_concealed_law_is_found_at_its_place(name, law, values, late):
+    found = diagnosed(law, (*RIVALS, *late))
     first = found.what[0]
     assert first.label == f"{name}@m1-m2"
     assert first.probability > 0.9
@@ -73,3 +96,15 @@ def test_a_concealed_law_is_found_at_its_place(name, law, values):
     assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
     assert found.model is not None
     assert found.model.labels == (first.label,)
+
+
+@pytest.mark.long
+def test_two_laws_at_one_place_are_found_that_alone_look_like_neither():
+    found = diagnosed(rubbing_freeplay, (*RIVALS, "viscoelastic", "viscous_damping"))
+    first, second = sorted(found.what[:2], key=lambda each: each.kind.name)
+    assert first.label == "coulomb_friction@m1-m2"
+    assert second.label == "gap_contact@m1-m2"
+    assert min(first.probability, second.probability) > 0.9
+    assert [p.value for p in first.parameters] == pytest.approx([4e4, 2e-5], rel=0.05)
+    assert [p.value for p in second.parameters] == pytest.approx([4e4, 1.2e-4], rel=0.05)
+    assert found.after.hold_out < 1.3 * found.noise_floor.hold_out

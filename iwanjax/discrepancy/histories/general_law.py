@@ -1,0 +1,178 @@
+"""A general law where something acts most likely, and pairs of named laws that do what it does."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iwanjax.discrepancy.histories.likeness import nearest_pairs
+from iwanjax.discrepancy.histories.ranking import (
+    STEPS,
+    TIME_CONSTANT,
+    RankedFit,
+    Scope,
+    again,
+    distinct,
+    placed,
+)
+from iwanjax.discrepancy.histories.restarts import FAR
+from iwanjax.effects.kinds import ForceKind, UnnamedKind
+from iwanjax.estimation.evidence import shares
+from iwanjax.estimation.settings import SEARCH
+from iwanjax.identification import hypotheses
+from iwanjax.identification.innovations import AtSamples
+from iwanjax.identification.kernels import observed
+from iwanjax.identification.likelihood import evidence, left_by_noise, scale
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
+from iwanjax.identification.places import Place
+from iwanjax.identification.problem import HistoryProblem
+from iwanjax.identification.unnamed_law import UnnamedFit, fit_unnamed_law
+from iwanjax.joints import PlaceMotion, hysteresis
+
+# Of the logarithm of a largest deflection: a quarter of the outermost interval of the spring.
+_TO_SCALE = 0.05
+
+
+class PlacedLaw(NamedTuple):
+    """The general law at the best of some places.
+
+    Attributes
+    ----------
+    fit : UnnamedFit
+        As far as it got.
+    probability : float
+        Of its place among those that were tried.
+    """
+
+    fit: UnnamedFit
+    probability: float
+
+    @property
+    def entry(self) -> RankedFit:
+        """As the other hypotheses are."""
+        return RankedFit(self.fit.problem, self.fit.fitted)
+
+
+def general_law(
+    problem: HistoryProblem, nominal: HypothesisFit, places: Sequence[Place], scope: Scope
+) -> PlacedLaw:
+    """The general law where it explains most, fitted with the shortest memory.
+
+    Each of the places where something acts most likely, by all laws there at once, is tried for a
+    few steps from the joints of the nominal fit and as given. The best is gone on with, and the
+    others as well where it leaves much more than noise.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Of the model without any suspect.
+    nominal : HypothesisFit
+        That model.
+    places : sequence of Place
+        The likeliest first.
+    scope : Scope
+        How long there is time.
+    """
+    z = nominal.theta.mean(axis=0)[: problem.parameters]
+    joints, short = [z, problem.with_given_joints(z)], (SHORT_TIME_CONSTANT,)
+    tried: list[UnnamedFit] = []
+    for place in places[: problem.settings.selection.finalists]:
+        if tried and not scope.in_time():
+            break
+        scope.progress(f"a general law at {place.label}")
+        begun = problem, UnnamedKind(), place, joints, short
+        tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
+    first, *others = sorted(tried, key=lambda each: each.fitted.cost)
+    ended = [first.onward(short, STEPS, scope.in_time)]
+    if ended[0].fitted.cost > FAR * left_by_noise(problem):
+        others = [each.onward(short, STEPS, scope.in_time) for each in others]
+    ended += others
+    odds = _odds(ended)
+    best = int(np.argmax(odds))
+    return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]))
+
+
+def _odds(tried: Sequence[UnnamedFit]) -> np.ndarray:
+    """Probabilities of places, by what the law leaves there, the best one's own error allowed."""
+    fits = [each.fitted for each in tried]
+    first = min(tried, key=lambda each: each.fitted.cost)
+    unit = scale(first.problem, first.fitted)
+    known = evidence(first.problem, fits)
+    return shares(known.values * (known.temperature * known.tau / max(unit, 1.0)))
+
+
+def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> UnnamedFit:
+    """The fit with a law of the motions that it has itself, where those differ from the law's.
+
+    What a place has seen was told by a model without the law. Of terms beyond what it has really
+    seen the recordings say nothing.
+    """
+    motion = motion_of(found)
+    largest, fastest = (float(jnp.max(jnp.abs(x))) for x in (motion.d, motion.v))
+    if abs(math.log(largest / float(found.law.deflection))) < _TO_SCALE or not scope.in_time():
+        return found
+    period = 2.0 * math.pi * largest / fastest
+    seen = found.place.scales._replace(deflection=largest, period=period)
+    z = found.fitted.theta.mean(axis=0)[: problem.parameters]
+    begun = problem, UnnamedKind(), replace(found.place, scales=seen), [z]
+    return fit_unnamed_law(*begun, (SHORT_TIME_CONSTANT,), STEPS, scope.in_time)
+
+
+def motion_of(fit: UnnamedFit) -> PlaceMotion:
+    """What the place did in the fitted recordings, by the model with the law: (recordings, N)."""
+    problem, fitted = fit.problem, fit.fitted
+    here = fitted.hypothesis.suspects._replace(row=jnp.asarray(fit.place.row)[None])
+    gain = problem.gains(
+        [here], fitted.theta.mean(axis=0)[None], fitted.time_constant, slopes=False
+    ).gain[0]
+    varied = jax.device_put((fitted.theta, gain))
+    seen = AtSamples(*observed(problem.predictor, problem.joints, here, *varied, problem.data))
+    d, v, a = (np.asarray(x)[..., 0] for x in (seen.d, seen.v, seen.a))
+    dt = float(problem.predictor.dt) * problem.predictor.substeps
+    return PlaceMotion(*jax.device_put((d, v, a, np.diff(d, axis=1, prepend=0.0), np.asarray(dt))))
+
+
+def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> list[RankedFit]:
+    """Pairs of named laws that make the general law's force in its motion, fitted in its place.
+
+    Greedy search finds no pair whose first law alone looks like neither: a clearance in which
+    something rubs looks viscoelastic.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Of the model without any suspect.
+    general : PlacedLaw
+        As fitted.
+    scope : Scope
+        Names to try, and how long there is time.
+    """
+    fit, known = general.fit, problem.settings
+    motion = motion_of(fit)
+    force = np.asarray(hysteresis(fit.law, motion.d, dt=float(motion.dt)))
+    kinds = [kind for kind in scope.kinds if isinstance(kind, ForceKind) and not kind.within]
+    z, place = fit.fitted.theta.mean(axis=0)[: problem.parameters], fit.place
+    starts = [
+        hypotheses.joined(
+            problem,
+            [
+                hypotheses.force(problem, kind, place.label, place.row, z, size, shape)
+                for kind, size, shape in pair
+            ],
+        )
+        for pair in nearest_pairs(kinds, motion, force)[: known.pairs.seconds]
+    ]
+    if not starts or not scope.in_time():
+        return []
+    scope.progress(f"two laws at {place.label}, as the general law there shows them")
+    give_up = known.selection.give_up
+    short = multistart(
+        problem, starts, SHORT_TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
+    )
+    fits = placed([RankedFit(problem, each) for each in short])
+    near = [each for each in fits if each.fitted.cost < give_up * fits[0].fitted.cost]
+    return distinct(again(near[: known.pairs.partners], [], TIME_CONSTANT, scope))

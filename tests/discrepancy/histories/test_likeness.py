@@ -1,0 +1,53 @@
+"""Names that a law without one is like: one of them, or two together."""
+
+import jax
+import numpy as np
+import pytest
+
+from iwanjax.discrepancy.histories.likeness import nearest, nearest_pairs
+from iwanjax.effects.catalogue import kinds_of
+from iwanjax.effects.kinds import ForceKind
+from iwanjax.joints import Gap, Jenkins, PlaceMotion, hysteresis
+
+K, GAP, SLIP = 4e4, 1.2e-4, 2e-5
+NAMES = ("coulomb_friction", "gap_contact", "cubic_stiffness", "viscous_damping", "viscoelastic")
+
+
+@pytest.fixture(scope="module")
+def decays() -> PlaceMotion:
+    """Two free decays of 40 Hz, in steps of half a millisecond."""
+    t, omega = 5e-4 * np.arange(1200), 2.0 * np.pi * 40.0
+    z = np.array([[5e-4], [2e-4]]) * np.exp((1j * omega - 4.0) * t)
+    d, v, a = (np.imag(x) for x in (z, 1j * omega * z, -(omega**2) * z))
+    moved = np.diff(d, axis=1, prepend=0.0)
+    return PlaceMotion(*map(jax.numpy.asarray, (d, v, a, moved, 5e-4)))
+
+
+def kinds() -> list[ForceKind]:
+    return [k for k in kinds_of(NAMES) if isinstance(k, ForceKind) and not k.within]
+
+
+def test_a_gap_in_which_something_rubs_is_a_gap_and_dry_friction(decays):
+    force = sum(
+        np.asarray(hysteresis(law, decays.d, dt=5e-4))
+        for law in (Gap(K, GAP), Jenkins(K * SLIP, K))
+    )
+    first, *others = nearest_pairs(kinds(), decays, force)
+    found = {each.kind.name: each for each in first}
+    assert set(found) == {"coulomb_friction", "gap_contact"}
+    # As near as the grids of shapes have them, three steps to an octave and a half.
+    assert found["gap_contact"].size == pytest.approx(K, rel=0.3)
+    assert found["gap_contact"].shape == pytest.approx(GAP, rel=0.4)
+    assert found["coulomb_friction"].size * found["coulomb_friction"].shape == pytest.approx(
+        K * SLIP, rel=0.3
+    )
+    # Every pair of names once, of a gap both sides or either.
+    pairs = [frozenset(str(each.kind) for each in pair) for pair in [first, *others]]
+    assert len(set(pairs)) == len(pairs)
+    assert max(nearest(kinds(), decays, force).values()) < 0.5
+
+
+def test_what_cannot_be_negative_is_in_no_pair_with_another_sign(decays):
+    force = -np.asarray(hysteresis(Jenkins(K * SLIP, K), decays.d, dt=5e-4))
+    for pair in nearest_pairs(kinds(), decays, force):
+        assert all(each.size >= 0.0 for each in pair if each.kind.positive)
