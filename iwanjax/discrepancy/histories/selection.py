@@ -171,18 +171,21 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     if not early:
         entries = with_joints_left_out(problem, nominal, shorts, entries, candidates, scope)
     entries = with_joint_faults(problem, nominal, shorts, entries, scope)
-    likely = by_evidence(places, scope.places)
-    entries = with_further_laws(problem, nominal, shorts, entries, likely, scope)
-    general = None
-    if least(nominal, entries).cost > FAR * left_by_noise(problem) and likely and scope.in_time():
-        general = general_law(problem, nominal, likely, scope)
-        entries = distinct([*entries, *as_two_laws(problem, general, scope)])
     base, entries = ranked(base, entries)
     if entries and scope.in_time() and restart_wanted(problem, base.fitted, entries):
         # Nothing that was tried explains all: ends that agreed may all have been the wrong one.
         entries = restarted(problem, base.fitted, entries, scope, seed + 1, everywhere=True)
         base = replace(base, fitted=renominated(problem, base.fitted, entries, scope))
         base, entries = ranked(base, entries)
+    # What even so is not explained may be a law of more parameters, or two at one place.
+    likely = by_evidence(places, scope.places)
+    entries = with_further_laws(problem, base.fitted, shorts, entries, likely, scope)
+    general = None
+    left = least(base.fitted, entries).cost
+    if left > FAR * left_by_noise(problem) and likely and scope.in_time():
+        general = general_law(problem, base.fitted, likely, scope)
+        entries = distinct([*entries, *as_two_laws(problem, general, scope)])
+    base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_nested_laws(problem, entries, scope))
     base, entries = ranked(base, none_worse(base, entries, scope))

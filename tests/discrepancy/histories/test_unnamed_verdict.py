@@ -61,6 +61,8 @@ def test_it_is_said_what_it_is_like(found):
 def test_its_force_is_that_of_the_root_and_the_model_moves_by_it(found, tmp_path):
     law = UnnamedLaw.load(found.unnamed.law.save(tmp_path / "law.npz"))
     d, force = found.unnamed.path
+    # Fitted on the scale of its own motion, not of a model's without it.
+    assert float(law.deflection) == pytest.approx(np.max(np.abs(d)), rel=0.06)
     v = np.gradient(d)
     assert np.corrcoef(force, np.sign(v) * np.sqrt(np.abs(v)))[0, 1] > 0.99
     assert found.model.labels == ("unnamed_law@m1-m2",)
