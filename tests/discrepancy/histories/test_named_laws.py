@@ -62,32 +62,18 @@ def rubbing_freeplay(k: float = 4e4, gap: float = 1.2e-4, slip: float = 2e-5) ->
     return law
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    ("name", "law", "values", "late"),
+    ("name", "law", "values"),
     [
-        pytest.param(
-            "tanh_spring", softening, {"k": 2e4, "width": 2e-4}, LATE, marks=pytest.mark.long
-        ),
-        # Each late law compiles kernels of its own.
-        ("bouc_wen", bouc_wen, {"F_S": 3.0, "K_T": 2e4, "n": 2.0}, ("bouc_wen",)),
-        pytest.param(
-            "backlash",
-            backlash,
-            {"F_S": 0.6, "K_T": 2e4, "gap": 1e-4},
-            LATE,
-            marks=pytest.mark.long,
-        ),
-        pytest.param(
-            "changing_stiffness",
-            loosening,
-            {"rate": -8e3 * RATE / N},
-            LATE,
-            marks=pytest.mark.long,
-        ),
+        ("tanh_spring", softening, {"k": 2e4, "width": 2e-4}),
+        ("bouc_wen", bouc_wen, {"F_S": 3.0, "K_T": 2e4, "n": 2.0}),
+        ("backlash", backlash, {"F_S": 0.6, "K_T": 2e4, "gap": 1e-4}),
+        ("changing_stiffness", loosening, {"rate": -8e3 * RATE / N}),
     ],
 )
-def test_a_concealed_law_is_found_at_its_place(name, law, values, late):
-    found = diagnosed(law, (*RIVALS, *late))
+def test_a_concealed_law_is_found_at_its_place(name, law, values):
+    found = diagnosed(law, (*RIVALS, *LATE))
     first = found.what[0]
     assert first.label == f"{name}@m1-m2"
     assert first.probability > 0.9
