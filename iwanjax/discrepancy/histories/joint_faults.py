@@ -132,25 +132,43 @@ def with_further_laws(
     z = nominal.theta.mean(axis=0)[: problem.parameters]
     beside = [z, problem.with_given_joints(z)] if problem.joints else [z]
     limits, found = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT), []
-    for place in places[: known.selection.finalists]:
-        for kind in kinds:
-            assert kind.law
-            scope.progress(f"refitting {kind.usual} at {place.label}")
+    most = known.selection.finalists
+    of_kinds = []
+    for kind in kinds:
+        assert kind.law
+        scope.progress(f"sifting places: {kind.usual}")
+        made = []
+        # Twice as many places as are fitted: the test of places knows no law with a memory of its
+        # own, such as an oscillator's.
+        for place in places[: 2 * most] if scope.in_time() else ():
             guesses = kind.law.begun(place.scales, **dict(kind.held))
-            own, starts = hypotheses.with_law(problem, kind, place, guesses, beside)
-            made = [(own, _nearest(own, starts, known.joint_faults.near))]
-            found += _best_of_each(made, limits, scope)
+            made.append(_sifted(*hypotheses.with_law(problem, kind, place, guesses, beside)))
+        of_kinds.append(sorted(made, key=lambda each: each.left)[:most])
+    # Shorter, or none, where the time is over.
+    for likely in zip(*of_kinds, strict=False):
+        for own, starts, _ in likely:
+            scope.progress(f"refitting {starts[0].hypothesis.label}")
+            found += _best_of_each([(own, starts)], limits, scope)
         if min(map(cost_of, found), default=math.inf) < enough:
             break
     return _compared(shorts, entries, found, scope)
 
 
-def _nearest(problem: HistoryProblem, starts: Sequence[Start], most: int) -> list[Start]:
-    """Those that leave least as they are: what one step promises costs ten times as much."""
+class _Sifted(NamedTuple):
+    """Starts of one search that leave least as they are, and what the first of them leaves."""
+
+    problem: HistoryProblem
+    starts: list[Start]
+    left: float
+
+
+def _sifted(problem: HistoryProblem, starts: Sequence[Start]) -> _Sifted:
+    """The most promising starts: what one step of each foresees costs ten times as much."""
     points = [(start.hypothesis, problem.still(start.theta)) for start in starts]
-    left = residuals_at(problem, points, SHORT_TIME_CONSTANT)
-    order = np.argsort([np.sum(each**2) for each in left], kind="stable")
-    return [starts[i] for i in order[:most]]
+    left = [float(np.sum(e**2)) for e in residuals_at(problem, points, SHORT_TIME_CONSTANT)]
+    order = np.argsort(left, kind="stable")
+    near = [starts[i] for i in order[: problem.settings.joint_faults.near]]
+    return _Sifted(problem, near, left[order[0]])
 
 
 def explaining_too_little(
