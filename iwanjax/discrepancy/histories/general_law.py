@@ -175,4 +175,6 @@ def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> li
     )
     fits = placed([RankedFit(problem, each) for each in short])
     near = [each for each in fits if each.fitted.cost < give_up * fits[0].fitted.cost]
-    return distinct(again(near[: known.pairs.partners], [], TIME_CONSTANT, scope))
+    found = distinct(again(near[: known.pairs.partners], [], TIME_CONSTANT, scope))
+    # Two laws that together leave much are a basis to expand any force in, no names.
+    return [each for each in found if each.fitted.cost < known.pairs.far * left_by_noise(problem)]
