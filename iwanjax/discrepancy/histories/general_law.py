@@ -113,7 +113,9 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     """
     motion = motion_of(found)
     largest, fastest = (float(jnp.max(jnp.abs(x))) for x in (motion.d, motion.v))
-    if abs(math.log(largest / float(found.law.deflection))) < _TO_SCALE or not scope.in_time():
+    if not (0.0 < largest < math.inf and 0.0 < fastest < math.inf and scope.in_time()):
+        return found
+    if abs(math.log(largest / float(found.law.deflection))) < _TO_SCALE:
         return found
     period = 2.0 * math.pi * largest / fastest
     seen = found.place.scales._replace(deflection=largest, period=period)

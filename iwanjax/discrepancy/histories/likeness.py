@@ -163,7 +163,7 @@ def nearest_pairs(
     list of pairs
         Each of two names once, in either form, of the best shapes on their grids.
     """
-    columns, owners = [], []
+    columns, owners = [np.zeros((0, force.size))], []
     for kind in kinds:
         shapes, unit = _on_grid(kind, motion)
         unit = unit.reshape(len(unit), -1)

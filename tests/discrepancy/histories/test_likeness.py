@@ -51,3 +51,9 @@ def test_what_cannot_be_negative_is_in_no_pair_with_another_sign(decays):
     force = -np.asarray(hysteresis(Jenkins(K * SLIP, K), decays.d, dt=5e-4))
     for pair in nearest_pairs(kinds(), decays, force):
         assert all(each.size >= 0.0 for each in pair if each.kind.positive)
+
+
+def test_of_no_names_there_is_no_pair(decays):
+    force = np.asarray(hysteresis(Gap(K, GAP), decays.d, dt=5e-4))
+    assert nearest_pairs([], decays, force) == []
+    assert nearest_pairs(kinds()[:1], decays, force) == []
