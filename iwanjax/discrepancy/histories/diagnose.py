@@ -194,7 +194,7 @@ def diagnose_histories(
         tuple(inputs),
     )
     table = selection.run(now.problem, scope, seed)
-    failures: list[str] = []
+    failures = list(table.failures)
     now, table = attempted(
         "the polish to the free run",
         lambda: _polished(resolution, now, table, scope),

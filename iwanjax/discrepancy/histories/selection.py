@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,7 @@ from iwanjax.discrepancy.histories.score_test import (
     where_something_acts,
 )
 from iwanjax.effects.catalogue import kinds_of
+from iwanjax.errors import attempted
 from iwanjax.identification.estimates import determined
 from iwanjax.identification.hypotheses import shrunk
 from iwanjax.identification.likelihood import evidence, left_by_noise
@@ -80,6 +82,8 @@ class ModelSelection(NamedTuple):
         The same of all laws of a place at once, the likeliest first.
     general : PlacedLaw, optional
         A general law with the shortest memory, where names leave much.
+    failures : tuple of str
+        What went wrong on the way and cost no verdict.
     """
 
     detected: bool
@@ -88,6 +92,7 @@ class ModelSelection(NamedTuple):
     scores: tuple[Score, ...]
     places: tuple[PlaceEvidence, ...] = ()
     general: PlacedLaw | None = None
+    failures: tuple[str, ...] = ()
 
     @property
     def best(self) -> RankedFit:
@@ -180,17 +185,21 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     # What even so is not explained may be a law of more parameters, or two at one place.
     likely = by_evidence(places, scope.places)
     entries = with_further_laws(problem, base.fitted, shorts, entries, likely, scope)
-    general = None
+    general, failures = None, list[str]()
     left = least(base.fitted, entries).cost
     if left > FAR * left_by_noise(problem) and likely and scope.in_time():
-        general = general_law(problem, base.fitted, likely, scope)
-        entries = distinct([*entries, *as_two_laws(problem, general, scope)])
+        law = partial(general_law, problem, base.fitted, likely, scope)
+        general = attempted("looking for a law that has no name", law, None, failures)
+    if general is not None:
+        two = partial(as_two_laws, problem, general, scope)
+        pairs = attempted("looking for two laws at one place", two, [], failures)
+        entries = distinct([*entries, *pairs])
     base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
         base, entries = ranked(base, with_nested_laws(problem, entries, scope))
     base, entries = ranked(base, none_worse(base, entries, scope))
     found = bool(entries) and missing(base, entries[0])
-    return ModelSelection(found, base, tuple(entries), scores, places, general)
+    return ModelSelection(found, base, tuple(entries), scores, places, general, tuple(failures))
 
 
 def concluded(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> ModelSelection:

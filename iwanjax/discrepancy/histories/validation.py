@@ -350,7 +350,7 @@ def _without_the_best(table: ModelSelection) -> ModelSelection:
     if same:
         entries = [*doubted(base.problem, same), *entries[len(same) :]]
     detected = bool(same) and missing(base, entries[0])
-    return ModelSelection(detected, base, tuple(entries), table.scores)
+    return table._replace(detected=detected, nominal=base, entries=tuple(entries))
 
 
 def left_over(fitted: FreeRun, detected: bool, unknown: float, sensors: Sequence[str]) -> list[str]:

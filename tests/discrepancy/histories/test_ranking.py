@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from iwanjax.correlation import correlation_time
+from iwanjax.discrepancy.findings import PlaceEvidence
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
@@ -289,6 +290,10 @@ def free(error: float) -> SimpleNamespace:
     return SimpleNamespace(relative=error, floor_95=0.01)
 
 
+LIKELY = (PlaceEvidence("m0", 0.9, 0.8, 16, 19.0),)
+FAILED = ("looking for a law that has no name failed (ValueError)",)
+
+
 def held_against(*errors: float):
     """Suspects in order of evidence, by their held-out errors; the first is the nominal model's."""
     base = entry(9.0)
@@ -296,7 +301,7 @@ def held_against(*errors: float):
     base, entries = ranked(base, suspects)
     by = dict(zip([(), *(tuple(e.fitted.hypothesis.where) for e in entries)], errors, strict=True))
     return compared(
-        ModelSelection(True, base, tuple(entries), ()),
+        ModelSelection(True, base, tuple(entries), (), LIKELY, failures=FAILED),
         lambda e, _: (free(0.01), free(by[tuple(e.fitted.hypothesis.where)])),
     )
 
@@ -321,6 +326,8 @@ def test_where_all_are_refused_nothing_is_left():
     assert not found.table.detected
     assert found.after is found.before
     assert [each.label for each in found.refused] == ["mass_error@m0", "mass_error@m1"]
+    # Where something acts was seen before, and is looked at after.
+    assert (found.table.places, found.table.failures) == (LIKELY, FAILED)
 
 
 def test_chance_within_the_noise_refuses_nothing():

@@ -43,6 +43,18 @@ def test_the_place_comes_first_and_no_name_is_believed(found):
     assert found.before.hold_out > 100.0 * found.noise_floor.hold_out
 
 
+def test_a_general_law_that_fails_costs_no_verdict(monkeypatch):
+    def failing(*arguments):
+        raise ValueError("singular")
+
+    for module in ("selection", "unnamed"):
+        monkeypatch.setattr(f"iwanjax.discrepancy.histories.{module}.general_law", failing)
+    found = diagnosed(root_damper, NAMES)
+    assert found.what[0].label == "viscous_damping@m1-m2"
+    assert found.unnamed is None
+    assert found.failures == ("looking for a law that has no name failed (ValueError: singular)",)
+
+
 @pytest.mark.long
 def test_it_is_said_what_it_is_like(found):
     told = found.unnamed.description
