@@ -57,17 +57,32 @@ class SimulationCase:
 
         Zero but for that of the ground, which absolute accelerations follow.
         """
-        rows, sensors = self.inputs, np.stack(list(self.sensors.values()))
-        if rows is None:
+        sensors = np.stack(list(self.sensors.values()))
+        if self.inputs is None:
             return np.zeros((0, len(sensors)))
-        named = getattr(self.settings.excitation, "input", ())
-        labels = [named] if isinstance(named, str) else named
-        motion = -np.linalg.solve(np.asarray(self.structure.structure.M), rows.T)
-        return (sensors @ motion).T * np.array([[label == BASE] for label in labels])
+        excitation = self.settings.excitation
+        # A single direction may be numbers, which are no name.
+        labels = (
+            excitation.input
+            if isinstance(excitation, RecordedForce)
+            else [str(getattr(excitation, "input", ""))]
+        )
+        return carried(self.structure, dict(zip(labels, self.inputs, strict=True)), sensors)
 
     def on(self, structure: JointedStructure) -> "SimulationCase":
         """The same case on a structure with other joints."""
         return replace(self, structure=_with_values(structure, self.settings.values))
+
+
+def carried(
+    structure: JointedStructure, inputs: Mapping[str, np.ndarray], sensors: np.ndarray
+) -> np.ndarray:
+    """Accelerations of sensors (sensors, n) by the inputs alone, were all rigid: (inputs, sensors).
+
+    Zero but for that of the ground, which absolute accelerations follow.
+    """
+    motion = -np.linalg.solve(np.asarray(structure.structure.M), np.stack([*inputs.values()]).T)
+    return (sensors @ motion).T * np.array([[label == BASE] for label in inputs])
 
 
 def simulation_cases(

@@ -1,6 +1,6 @@
 """Dynamics: jointed structures in time."""
 
-from iwanjax.dynamics.decays import ModalDecays, modal_decays
+from iwanjax.dynamics.decays import ModalDecays, component_rows, modal_decays
 from iwanjax.dynamics.energy import Energies
 from iwanjax.dynamics.excitations import (
     base_input,
@@ -25,6 +25,7 @@ __all__ = [
     "ModalDecays",
     "SimulatedResponse",
     "base_input",
+    "component_rows",
     "controlled_response",
     "half_sine",
     "harmonic_response",

@@ -192,6 +192,40 @@ def modal_decays(
     )
 
 
+def component_rows(structure: JointedStructure, sensor: ArrayLike, modes: ArrayLike) -> np.ndarray:
+    r"""Rows that show of a motion what each mode adds at a sensor (thesis Eq. 3.36).
+
+    .. math:: a_r(t) = \psi_s\,\varphi_r\,\varphi_r^TM\,\ddot u(t)
+
+    with the mass-normalised shapes at low amplitude (3.4) and the sensor's row, the thesis's
+    :math:`\Psi_sL`. As ``sensors=`` of :func:`iwanjax.simulate` they make it keep these
+    components; over all modes they add up to the sensor's response, rigid-body motion aside.
+    :func:`iwanjax.signals.measured_components` are the same of a measurement.
+
+    Parameters
+    ----------
+    structure : JointedStructure
+        What moves.
+    sensor : (n,) array_like
+        What the sensor sees is ``sensor @ u``.
+    modes : (modes,) array_like of int
+        Elastic modes r, lowest 0.
+
+    Returns
+    -------
+    (modes, n) array
+
+    Raises
+    ------
+    InputError
+        For modes that do not exist.
+    """
+    Phi = np.asarray(structure.modes("low").Phi)
+    phi = Phi[:, [_mode(structure, Phi, mode) for mode in np.asarray(modes)]]
+    seen = finite_array(sensor, "sensor") @ phi
+    return (np.asarray(structure.structure.M) @ (phi * seen)).T
+
+
 def _last_force(force: np.ndarray, dt: float) -> float:
     """Time from which on there is no force, s."""
     columns = force[:, None] if force.ndim == 1 else force

@@ -2,7 +2,7 @@
 
 from iwanjax.signals.contents import FileContents, file_contents
 from iwanjax.signals.curves_file import read_curves, read_force_control, read_response_control
-from iwanjax.signals.filters import band_pass, modal_filter
+from iwanjax.signals.filters import band_pass, measured_components, modal_filter
 from iwanjax.signals.force_control import curves_from_force_control
 from iwanjax.signals.force_loop import ForceLoop, read_loop
 from iwanjax.signals.hilbert import RingDown, ringdown, ringdown_curves
@@ -27,6 +27,7 @@ __all__ = [
     "controlled_resonance",
     "curves_from_force_control",
     "file_contents",
+    "measured_components",
     "merge_curves",
     "modal_filter",
     "read_curves",

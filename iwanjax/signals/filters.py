@@ -200,6 +200,40 @@ def modal_filter(responses: ArrayLike, shapes: ArrayLike) -> np.ndarray:
     return u @ np.linalg.pinv(Phi).T
 
 
+def measured_components(responses: ArrayLike, shapes: ArrayLike, sensor: int) -> np.ndarray:
+    r"""Parts of a sensor's response by modes, of what all sensors measured (thesis Eq. 3.37).
+
+    .. math:: a_r(t) = \Phi_{s,r}\,\bigl(\Phi^T\Phi\bigr)^{-1}\Phi^T u_s(t)
+
+    the r-th row of the projector meant: each mode by :func:`modal_filter`, seen at the sensor.
+    What modes that are not among the shapes contribute is in it as far as they look like these.
+    :func:`iwanjax.dynamics.component_rows` are the same of a simulation, which knows all.
+
+    Parameters
+    ----------
+    responses : (N, sensors) array_like
+        Time histories, all of one quantity.
+    shapes : (sensors, modes) array_like
+        Mode shapes at the sensors; at least as many sensors as modes.
+    sensor : int
+        Index of the sensor s whose response is taken apart.
+
+    Returns
+    -------
+    (N, modes) array
+        In the responses' unit.
+
+    Raises
+    ------
+    InputError
+        As :func:`modal_filter`, and for a sensor that there is not.
+    """
+    q, Phi = modal_filter(responses, shapes), np.asarray(shapes, float)
+    if not 0 <= sensor < len(Phi):
+        raise InputError(f"sensor = {sensor}; expected 0 to {len(Phi) - 1}")
+    return q * Phi[sensor]
+
+
 def check_signal(signal: ArrayLike) -> np.ndarray:
     """The signal as a row of finite real numbers.
 

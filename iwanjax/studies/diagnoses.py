@@ -21,7 +21,7 @@ from iwanjax.identification.steady.cycle import InteractingMode
 from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals import ForceLoop, Recording
 from iwanjax.studies.fits import of_one_quantity
-from iwanjax.studies.measured import MeasuredMode, measured_modes
+from iwanjax.studies.measured import MeasuredMode, forces_of, measured_modes
 from iwanjax.updating import modal_parameters
 from iwanjax.updating.structural import joint_parameters
 
@@ -200,7 +200,9 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
         StudyRecording(
             name,
             _responses(recording, sensors),
-            None if entry.kind == "free_decay" else _forces(study, recording, entry.place),
+            None
+            if entry.kind == "free_decay"
+            else forces_of(study, recording, entry.place, "diagnose"),
             entry.use,
             entry.initial,
         )
@@ -281,18 +283,3 @@ def _responses(recording: Recording, sensors: list[str]) -> np.ndarray:
     at = [sensors.index(channel.name) for channel in recording.channels]
     response[:, at] = recording.response
     return response
-
-
-def _forces(study: StudySetup, recording: Recording, place: str) -> np.ndarray:
-    """Forces at all inputs of the model, zero where none was measured."""
-    assert study.model is not None
-    inputs = list(study.model.inputs)
-    if recording.force is None:
-        raise InputError(f"{place}: has no force; diagnose needs it so far")
-    force = np.zeros((recording.force.shape[0], len(inputs)))
-    names = [channel.name for channel in recording.inputs]
-    for name, column in zip(names, np.asarray(recording.force).T, strict=True):
-        if name not in inputs:
-            raise InputError(f"{place}: input {name!r} is not in the model: {', '.join(inputs)}")
-        force[:, inputs.index(name)] = column
-    return force

@@ -200,12 +200,6 @@ def _predictions(solution: FitSolution, mode: MeasuredMode) -> tuple[HeldOut, ..
         seen = measured.as_quantity("displacement")
         predicted = model.ringdown_frequency_and_damping(seen.amplitude, largest=seen.largest)
         f, zeta = (np.asarray(x) for x in predicted)
-        known, std = np.asarray(measured.damping), np.asarray(measured.damping_std)
-        # Where the damping itself is hardly known an error of it means nothing.
-        trusted = std < 0.1 * known
-        trusted = trusted if trusted.any() else np.ones_like(trusted)
-        frequency = f - np.asarray(measured.frequency)
-        relative = zeta / known - 1.0
         repeatability: tuple[float | None, float | None] = (None, None)
         if mode.merged is not None:
             spread = (mode.merged.frequency_spread, mode.merged.damping_spread)
@@ -214,13 +208,28 @@ def _predictions(solution: FitSolution, mode: MeasuredMode) -> tuple[HeldOut, ..
         found.append(
             HeldOut(
                 hit.name,
-                _rms(frequency[trusted]),
-                100.0 * _rms(relative[trusted]),
+                *curve_errors(measured, f, zeta),
                 *repeatability,
                 measured,
             )
         )
     return tuple(found)
+
+
+def curve_errors(measured: ModalCurves, f: np.ndarray, zeta: np.ndarray) -> tuple[float, float]:
+    """Root mean squares of a prediction's errors: Hz, and per cent of the measured damping.
+
+    Over the levels that are predicted, NaN where none is. Where the damping itself is hardly known
+    an error of it means nothing.
+    """
+    known, std = np.asarray(measured.damping), np.asarray(measured.damping_std)
+    told = np.isfinite(f) & np.isfinite(zeta)
+    if not told.any():
+        return float("nan"), float("nan")
+    trusted = told & (std < 0.1 * known)
+    trusted = trusted if trusted.any() else told
+    frequency, relative = f - np.asarray(measured.frequency), zeta / known - 1.0
+    return _rms(frequency[trusted]), 100.0 * _rms(relative[trusted])
 
 
 def _rms(values: np.ndarray) -> float:

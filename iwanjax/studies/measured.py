@@ -227,27 +227,42 @@ def _hits(
     if entry.kind not in ("free_decay", "transient"):
         return
     for name, recording in recordings_of(entry):
-        start, end = _span(entry, recording)
         for key in (key for key in bands if key in entry.modes):
-            with blamed(f"{entry.place}: {name}"):
-                signal, quantity, unit = _signal(study, entry, recording, key)
-            try:
-                found = ringdown(
-                    signal,
-                    recording.sampling_rate,
-                    bands[key],
-                    quantity,
-                    unit=unit,
-                    name=name,
-                    start=start,
-                    end=end,
-                    precision=study.ringdown.precision,
-                    order=study.ringdown.order,
-                )
-            except InputError as error:
-                yield key, f"{entry.place if study.modal else ''}: {name}: {error}".lstrip(": ")
-            else:
-                yield key, Hit(name, found.curves, found)
+            yield key, hit_of(study, entry, name, recording, key, bands[key])
+
+
+def hit_of(
+    study: StudySetup,
+    entry: RecordingEntry,
+    name: str,
+    recording: Recording,
+    key: str | int,
+    band: tuple[float, float],
+    end: float | None = None,
+) -> Hit | str:
+    """Curves of a mode by a time history of an entry, or why it shows nothing of it.
+
+    ``end`` takes the place of the entry's own, s from the recording's first sample.
+    """
+    start, own_end = _span(entry, recording)
+    with blamed(f"{entry.place}: {name}"):
+        signal, quantity, unit = _signal(study, entry, recording, key)
+    try:
+        found = ringdown(
+            signal,
+            recording.sampling_rate,
+            band,
+            quantity,
+            unit=unit,
+            name=name,
+            start=start,
+            end=own_end if end is None else end,
+            precision=study.ringdown.precision,
+            order=study.ringdown.order,
+        )
+    except InputError as error:
+        return f"{entry.place if study.modal else ''}: {name}: {error}".lstrip(": ")
+    return Hit(name, found.curves, found)
 
 
 def _span(entry: RecordingEntry, recording: Recording) -> tuple[float | None, float | None]:
@@ -277,12 +292,7 @@ def _signal(
     study: StudySetup, entry: RecordingEntry, recording: Recording, key: str | int
 ) -> tuple[np.ndarray, str, str]:
     """The mode's signal, what it is, and its unit."""
-    kinds = sorted({channel.quantity for channel in recording.channels})
-    if len(kinds) != 1 or kinds[0] not in QUANTITIES:
-        raise InputError(
-            f"the channels measure {' and '.join(kind or 'nothing known' for kind in kinds)}; "
-            f"expected one of {', '.join(QUANTITIES)}: say response: {{quantity: ...}}"
-        )
+    quantity = quantity_of(recording)
     if study.modal:
         if recording.response.shape[1] != 1:
             names = ", ".join(channel.name for channel in recording.channels)
@@ -290,20 +300,76 @@ def _signal(
                 f"holds channels {names}; a single mode is measured by one: say response: "
                 f"{{channel: {recording.channels[-1].name}}}"
             )
-        return recording.response[:, 0], kinds[0], recording.channels[0].unit
-    assert study.model is not None
+        return recording.response[:, 0], quantity, recording.channels[0].unit
     assert study.structure is not None
+    assert isinstance(key, int)
+    rows = np.stack([*sensors_of(study, entry, recording).values()])
+    Phi = np.asarray(study.structure.basis.Phi)
+    told_apart = modes_apart(len(rows), Phi.shape[1], key)
+    modal = modal_filter(recording.response, rows @ Phi[:, told_apart])
+    return modal[:, told_apart.index(key)], quantity, ""
+
+
+def quantity_of(recording: Recording) -> str:
+    """What all channels of a recording measure.
+
+    Raises
+    ------
+    InputError
+        Where they differ, or nothing is known.
+    """
+    kinds = sorted({channel.quantity for channel in recording.channels})
+    if len(kinds) != 1 or kinds[0] not in QUANTITIES:
+        raise InputError(
+            f"the channels measure {' and '.join(kind or 'nothing known' for kind in kinds)}; "
+            f"expected one of {', '.join(QUANTITIES)}: say response: {{quantity: ...}}"
+        )
+    return kinds[0]
+
+
+def sensors_of(
+    study: StudySetup, entry: RecordingEntry, recording: Recording
+) -> dict[str, np.ndarray]:
+    """Row (n,) of the model for each channel of a recording, by the sensor's name.
+
+    Raises
+    ------
+    InputError
+        Where channels and sensors differ in number, and for a sensor that the model lacks.
+    """
+    assert study.model is not None
     sensors = entry.response.sensors or tuple(study.model.sensors)
     if len(sensors) != recording.response.shape[1]:
         raise InputError(
             f"holds {recording.response.shape[1]} channel(s) for {len(sensors)} sensor(s); say "
             "response: {sensors: [...]}, one for each channel"
         )
-    rows = np.stack([study.model.sensors[sensor] for sensor in sensors])
-    Phi = np.asarray(study.structure.basis.Phi)
-    # As many modes as there are sensors to tell them apart, the wanted one among them.
-    count = min(len(sensors), Phi.shape[1])
-    assert isinstance(key, int)
-    first = max(0, min(key - count + 1, Phi.shape[1] - count)) if key >= count else 0
-    modal = modal_filter(recording.response, rows @ Phi[:, first : first + count])
-    return modal[:, key - first], kinds[0], ""
+    return {sensor: study.model.sensors[sensor] for sensor in sensors}
+
+
+def modes_apart(sensors: int, modes: int, key: int) -> list[int]:
+    """As many elastic modes as there are sensors to tell them apart, the wanted one among them."""
+    count = min(sensors, modes)
+    first = max(0, min(key - count + 1, modes - count)) if key >= count else 0
+    return [*range(first, first + count)]
+
+
+def forces_of(study: StudySetup, recording: Recording, place: str, what: str) -> np.ndarray:
+    """Forces at all inputs of the model, (N, inputs), zero where none was measured.
+
+    Raises
+    ------
+    InputError
+        Without a force, which ``what`` needs, and for an input that is not in the model.
+    """
+    assert study.model is not None
+    inputs = list(study.model.inputs)
+    if recording.force is None:
+        raise InputError(f"{place}: has no force; {what} needs it")
+    force = np.zeros((recording.force.shape[0], len(inputs)))
+    names = [channel.name for channel in recording.inputs]
+    for name, column in zip(names, np.asarray(recording.force).T, strict=True):
+        if name not in inputs:
+            raise InputError(f"{place}: input {name!r} is not in the model: {', '.join(inputs)}")
+        force[:, inputs.index(name)] = column
+    return force
