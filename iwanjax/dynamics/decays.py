@@ -192,7 +192,9 @@ def modal_decays(
     )
 
 
-def component_rows(structure: JointedStructure, sensor: ArrayLike, modes: ArrayLike) -> np.ndarray:
+def component_rows(
+    structure: JointedStructure, sensor: ArrayLike, modes: Sequence[int]
+) -> np.ndarray:
     r"""Rows that show of a motion what each mode adds at a sensor (thesis Eq. 3.36).
 
     .. math:: a_r(t) = \psi_s\,\varphi_r\,\varphi_r^TM\,\ddot u(t)
@@ -208,7 +210,7 @@ def component_rows(structure: JointedStructure, sensor: ArrayLike, modes: ArrayL
         What moves.
     sensor : (n,) array_like
         What the sensor sees is ``sensor @ u``.
-    modes : (modes,) array_like of int
+    modes : sequence of int
         Elastic modes r, lowest 0.
 
     Returns
@@ -221,7 +223,7 @@ def component_rows(structure: JointedStructure, sensor: ArrayLike, modes: ArrayL
         For modes that do not exist.
     """
     Phi = np.asarray(structure.modes("low").Phi)
-    phi = Phi[:, [_mode(structure, Phi, mode) for mode in np.asarray(modes)]]
+    phi = Phi[:, [_mode(structure, Phi, mode) for mode in modes]]
     seen = finite_array(sensor, "sensor") @ phi
     return (np.asarray(structure.structure.M) @ (phi * seen)).T
 

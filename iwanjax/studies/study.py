@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from iwanjax.modal_analysis import ModalTest
     from iwanjax.quasistatic import QsmaSolution
     from iwanjax.studies.fits import StudyFit
+    from iwanjax.studies.predicted import Prediction
     from iwanjax.studies.simulations import DrivenJoint
     from iwanjax.updating import Posterior
 
@@ -261,6 +262,43 @@ class Study:
                 for name, fit in (self.fit() if fits is None else fits).items()
             }
         )
+
+    def predict(
+        self,
+        fits: StudyResults["StudyFit"] | None = None,
+        posteriors: StudyResults["Posterior"] | None = None,
+        *,
+        draws: int = 100,
+        probability: float = 0.9,
+        progress: Callable[[str], None] = silent,
+    ) -> StudyResults["Prediction"]:
+        """The fitted structure under forces that it was not fitted to (thesis Sec. 3.4.4).
+
+        Each recording held out is compared in time, by mode (3.36, 3.37) and by frequency and
+        damping against amplitude; bands are of what the fit leaves open, the noise is told apart.
+
+        Parameters
+        ----------
+        fits, posteriors : StudyResults of StudyFit, of Posterior, optional
+            Of :meth:`fit` where they are at hand, and of :meth:`posterior` for bands by it instead
+            of the fit's covariance.
+        draws, probability : int, float
+            Parameter sets that bands are made of, and the central share of them in a band.
+        progress : function
+            Receives a line for each recording.
+
+        Raises
+        ------
+        InputError
+            Without structure, without held-out forces, or not from rest; as :meth:`fit`.
+        """
+        from iwanjax.studies.predictions import held_out, predictions
+
+        entries = held_out(self.setup, draws, probability, progress)
+        fit = (self.fit() if fits is None else fits).only
+        posterior = None if posteriors is None else posteriors.only
+        found = predictions(self.setup, entries, fit, posterior, draws, probability, progress)
+        return StudyResults({each.name: each for each in found})
 
     def simulate(self, *names: str) -> StudyResults["SimulatedResponse | DrivenJoint"]:
         """The cases of the ``simulate`` section in time.

@@ -153,21 +153,24 @@ class FitSolution(AbstractResult):
     def draws(self, count: int, seed: int = 0) -> np.ndarray:
         """Full parameter vectors drawn from the covariance, (count, parameters).
 
-        Normal in each parameter's transform, as the covariance is meant: the logarithm of a
-        strength, say. What falls beyond a bound is put on it.
+        Normal in each parameter's transform, as the covariance is meant (the logarithm of a
+        strength, say), where that is within the bounds.
         """
         value, std = (np.array([*each.values()]) for each in (self.values, self.std))
         scale = np.where(std > 0.0, std, 1.0)
         sizes, axes = np.linalg.eigh(self.covariance / np.outer(scale, scale))
-        normal = np.random.default_rng(seed).standard_normal((count, value.size))
-        change = (normal * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T * std
-        # exp(change / value), but a value of zero has no logarithm.
+        root = axes * np.sqrt(np.maximum(sizes, 0.0))
+        # A value of zero has no logarithm.
         by_log = np.array([p.transform == "log" for p in self.parameters]) & (value > 0.0)
-        theta = np.where(
-            by_log, value * np.exp(change / np.where(by_log, value, 1.0)), value + change
-        )
+        unit = np.where(by_log, value, 1.0)
         low, high = np.array([(p.lower, p.upper) for p in self.parameters]).T
-        return np.where(std > 0.0, np.clip(theta, low, high), value)
+        random, found = np.random.default_rng(seed), np.empty((0, value.size))
+        while len(found) < count:
+            change = random.standard_normal((count, value.size)) @ root.T * std
+            theta = np.where(by_log, value * np.exp(change / unit), value + change)
+            inside = np.all((std == 0.0) | ((low < theta) & (theta < high)), axis=1)
+            found = np.vstack([found, theta[inside]])
+        return found[:count]
 
     def follows(self, name: str) -> bool:
         """Whether a derived quantity is determined: known to a third of itself."""

@@ -1,0 +1,361 @@
+"""The updated model under forces that it was not fitted to (thesis Sec. 3.4.4)."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from iwanjax.config import RecordingEntry, StudySetup
+from iwanjax.config.cases import carried
+from iwanjax.config.reading import blamed, part_of, recordings_of
+from iwanjax.curves import ModalCurves
+from iwanjax.dynamics import component_rows, simulate
+from iwanjax.errors import AccuracyError, InputError
+from iwanjax.identification.initial_state import initial_state
+from iwanjax.identification.recordings import StudyRecording, cleaned, noise_of
+from iwanjax.settings.memory import MEMORY
+from iwanjax.signals import Recording, measured_components
+from iwanjax.structures import JointedStructure, modal_assurance
+from iwanjax.studies.fits import StudyFit, curve_errors
+from iwanjax.studies.measured import (
+    Hit,
+    MeasuredMode,
+    forces_of,
+    hit_of,
+    modes_apart,
+    quantity_of,
+    sensors_of,
+)
+from iwanjax.studies.predicted import (
+    Comparison,
+    PredictedCurves,
+    PredictedMode,
+    Prediction,
+    Windows,
+    compared,
+    covered,
+)
+from iwanjax.updating import Posterior
+from iwanjax.updating.structural import StructuralProblem
+
+Progress = Callable[[str], None]
+
+_NO_STRUCTURE = (
+    "predict needs a structure, which a measured force can drive; this study has modal: of a mode "
+    "of unit mass fit and posterior say how well frequency and damping of held-out recordings are "
+    "predicted"
+)
+_NOTHING = (
+    "predict needs a recording that no fit sees and whose forces were measured; say use: hold_out "
+    "of one of kind transient"
+)
+
+
+def held_out(
+    study: StudySetup, draws: int, probability: float, progress: Progress
+) -> list[RecordingEntry]:
+    """Entries that can be predicted; what else is held out is told.
+
+    Raises
+    ------
+    InputError
+        For a study of single modes, where there is none, and bands that cannot be.
+    """
+    if study.structure is None:
+        raise InputError(f"{study.label}: {_NO_STRUCTURE}")
+    if draws < 1 or not 0.0 < probability < 1.0:
+        raise InputError(
+            f"predict: draws = {draws!r}, probability = {probability!r}; expected at least 1, and "
+            "a share between 0 and 1"
+        )
+    kept = [each for each in study.recordings if each.use == "hold_out"]
+    for entry in kept:
+        if entry.kind != "transient":
+            progress(f"{entry.name} is left out: {entry.kind} has no force to drive the model by")
+    found = [each for each in kept if each.kind == "transient"]
+    if not found:
+        raise InputError(f"{study.label}: {_NOTHING}")
+    return found
+
+
+def predictions(
+    study: StudySetup,
+    entries: Sequence[RecordingEntry],
+    fit: StudyFit,
+    posterior: Posterior | None,
+    draws: int,
+    probability: float,
+    progress: Progress,
+) -> Iterator[Prediction]:
+    """Each recording of these entries, predicted.
+
+    Raises
+    ------
+    InputError
+        With the recording's place, for one that does not begin at rest, has no force, or whose
+        channels are not the model's sensors.
+    AccuracyError
+        As :func:`iwanjax.simulate`.
+    """
+    problem = fit.solution.problem
+    # Studies without structure have nothing to predict.
+    assert isinstance(problem, StructuralProblem)
+    theta = (fit.solution if posterior is None else posterior).draws(draws, study.seed)
+    model, names = _Model(problem, fit.structure, theta), set[str]()
+    for entry in entries:
+        for name, recording in recordings_of(entry):
+            progress(f"{name}: {recording.size} samples, {draws} parameter sets")
+            with blamed(f"{entry.place}: {name}"):
+                test = _test(study, entry, name, recording)
+            modes = [mode for mode in fit.modes if mode.key in entry.modes]
+            found = _predicted(study, model, test, modes, probability)
+            # Files of one name in several folders stay apart.
+            while name in names:
+                name += "_"
+            names.add(name)
+            source = "fit" if posterior is None else "posterior"
+            yield replace(found, name=name, source=source)
+
+
+@dataclass(frozen=True)
+class _Test:
+    """A recording to be predicted.
+
+    ``driven`` are the samples from rest to the end, ``compared`` those of them that count.
+    """
+
+    entry: RecordingEntry
+    name: str
+    recording: Recording
+    quantity: str
+    sensors: dict[str, np.ndarray]
+    inputs: dict[str, np.ndarray]
+    force: Float[np.ndarray, "driven inputs"]
+    noise: Float[np.ndarray, " sensors"]
+    driven: slice
+    compared: slice
+
+
+def _test(study: StudySetup, entry: RecordingEntry, name: str, recording: Recording) -> _Test:
+    assert study.model is not None
+    part = part_of(entry, recording)
+    first = int(np.searchsorted(recording.time, part.time[0]))
+    compared = slice(first, first + part.size)
+    # What is said of the beginning is said of the part; what went before drives it otherwise.
+    driven = slice(first if entry.initial == "rest" else 0, compared.stop)
+    force = forces_of(study, recording, entry.place, "predict")
+    told = StudyRecording(name, recording.response, force, "hold_out")
+    if entry.initial == "periodic" or (entry.initial is None and initial_state(told) != "rest"):
+        raise InputError(
+            "does not begin at rest, from where it is predicted; hold out one that does, or say "
+            "initial: rest where its data mislead"
+        )
+    sensors = sensors_of(study, entry, recording)
+    given = np.array([study.noise.get(sensor, np.nan) for sensor in sensors])
+    return _Test(
+        entry,
+        name,
+        recording,
+        quantity_of(recording),
+        sensors,
+        study.model.inputs,
+        # Without its noise beside pulses, which did not move the structure.
+        cleaned(force).clean[driven],
+        np.where(np.isfinite(given), given, noise_of(told).deviation),
+        driven,
+        compared,
+    )
+
+
+class _Model:
+    """The updated model, its modes at low amplitude, and parameters drawn about its own."""
+
+    def __init__(self, problem: StructuralProblem, best: JointedStructure, theta: np.ndarray):
+        self.problem, self.best, self.theta = problem, best, theta
+        self.low = best.modes("low")
+
+    def places(self, modes: Sequence[MeasuredMode]) -> list[int]:
+        """Indices of modes among those of the updated model, which joints may have reordered."""
+        keys = [mode.key for mode in modes if isinstance(mode.key, int)]
+        fitted = np.asarray(self.best.basis.Phi)[:, keys]
+        alike = modal_assurance(self.low.Phi, fitted, self.best.structure.M)
+        return [int(i) for i in np.argmax(np.asarray(alike), axis=0)] if keys else []
+
+    def driven(self, test: _Test, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Best prediction (N, rows), those of the draws (draws, N, rows), and the first's error."""
+        kept = test.quantity
+        inputs, dt = np.stack([*test.inputs.values()]), 1.0 / test.recording.sampling_rate
+        options = {"inputs": inputs, "sensors": rows, "keep": (kept,)}
+        try:
+            found = simulate(self.best, test.force, dt, **options)
+        except AccuracyError as error:
+            raise AccuracyError(f"{test.entry.place}: {test.name}: {error}") from None
+        best = np.asarray(getattr(found, kept))
+
+        # One kernel runs a part of the draws side by side, as memory allows.
+        held = 8 * (self.best.structure.size**2 + best.size)
+        side_by_side = int(np.clip(MEMORY.kernels // held, 1, len(self.theta)))
+
+        @jax.jit
+        def each(theta: Array, force: Array) -> Array:
+            def one(own: Array) -> Array:
+                response = simulate(
+                    self.problem.model(own), force, dt, substeps=found.substeps, **options
+                )
+                return getattr(response, kept)
+
+            return jax.lax.map(one, theta, batch_size=side_by_side)
+
+        drawn = np.array(each(jnp.asarray(self.theta), jnp.asarray(test.force)))
+        # A draw that needs shorter steps is NaN: it is run by itself, which finds them.
+        for i in np.flatnonzero(np.any(np.isnan(drawn), axis=(1, 2))):
+            own = self.problem.model(jnp.asarray(self.theta[i]))
+            again = simulate(own, test.force, dt, substeps=found.substeps, **options)
+            drawn[i] = getattr(again, kept)
+        if kept == "acceleration":
+            moved = test.force @ carried(self.best, test.inputs, rows)
+            best, drawn = best + moved, drawn + moved
+        return best, drawn, float(found.error)
+
+
+def _predicted(
+    study: StudySetup,
+    model: _Model,
+    test: _Test,
+    modes: Sequence[MeasuredMode],
+    probability: float,
+) -> Prediction:
+    rows = np.stack([*test.sensors.values()])
+    measured = test.recording.response[test.compared]
+    shown, at = int(np.argmax(np.mean(measured**2, axis=0))), model.places(modes)
+    whole, drawn, error = model.driven(
+        test, np.vstack([rows, component_rows(model.best, rows[shown], at)])
+    )
+    S, lead = len(rows), test.compared.start - test.driven.start
+    best, draws = whole[lead:], drawn[:, lead:]
+    lowest = np.min(np.asarray(model.low.frequency)[at or slice(None)])
+    windows = Windows.of(test.recording.time[test.compared], float(lowest))
+    response, amplitude = windows.compared(
+        measured, best[:, :S], draws[..., :S], test.noise, probability
+    )
+    Phi = rows @ np.asarray(model.low.Phi)
+
+    def filtered(x: np.ndarray) -> np.ndarray:
+        return np.stack([_component(x, Phi, mode, shown) for mode in at], axis=-1)
+
+    parts = levels = None
+    if modes:
+        # Noise of sensors that know nothing of each other, through the same filter.
+        noise = np.linalg.norm(filtered(np.diag(test.noise)), axis=0)
+        parts, levels = windows.compared(
+            filtered(measured), best[:, S:], draws[..., S:], noise, probability
+        )
+        leaks = _rms(filtered(best[:, :S]) - best[:, S:]) / _rms(best[:, S:])
+    told = []
+    for i, mode in enumerate(modes):
+        curves = _curves(study, test, mode, whole[:, :S], drawn[..., :S], probability)
+        known = not isinstance(curves, str)
+        told.append(
+            PredictedMode(
+                mode.name,
+                Comparison(*(each[:, i] for each in parts)),
+                Comparison(*(each[:, i] for each in levels)),
+                float(leaks[i]),
+                curves if known else None,
+                "" if known else curves,
+            )
+        )
+    return Prediction(
+        name=test.name,
+        sensors=tuple(test.sensors),
+        quantity=test.quantity,
+        unit=test.recording.channels[shown].unit,
+        time=test.recording.time[test.compared],
+        response=response,
+        noise=test.noise,
+        covered=covered(measured, draws[..., :S], test.noise, probability),
+        spread=_rms(np.moveaxis(draws[..., :S] - best[:, :S], 2, 0).reshape(S, -1).T)
+        / _rms(measured),
+        window_time=windows.middle,
+        amplitude=amplitude,
+        modes=tuple(told),
+        shown=[*test.sensors][shown],
+        probability=probability,
+        draws=len(draws),
+        source="fit",
+        shifted=model.problem.reference == "shift",
+        error_estimated=error,
+        structure=model.best,
+    )
+
+
+def _component(response: np.ndarray, Phi: np.ndarray, mode: int, sensor: int) -> np.ndarray:
+    """A mode's part of a sensor's response, (N,), told apart by the shapes (sensors, modes)."""
+    apart = modes_apart(*Phi.shape, mode)
+    return measured_components(response, Phi[:, apart], sensor)[:, apart.index(mode)]
+
+
+def _rms(x: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(x**2, axis=0))
+
+
+def _curves(
+    study: StudySetup,
+    test: _Test,
+    mode: MeasuredMode,
+    best: np.ndarray,
+    drawn: np.ndarray,
+    probability: float,
+) -> PredictedCurves | str:
+    """Instantaneous frequency and damping by the estimator that the recording itself went through.
+
+    All of the same span of time, which ends where the measured decay is lost in noise.
+    """
+    hit = next((each for each in mode.held_out if each.name == test.name), None)
+    if hit is None or hit.ringdown is None:
+        ends = [why for why in mode.skipped if test.name in why]
+        return ends[0] if ends else "the recording shows no decay of it"
+    end = float(hit.ringdown.edges[-1])
+    measured = hit.curves.as_quantity("modal displacement")
+    amplitude = np.asarray(measured.amplitude)
+
+    def seen(response: np.ndarray) -> np.ndarray | str:
+        assert mode.band is not None
+        whole = np.zeros_like(test.recording.response)
+        whole[test.driven] = response
+        predicted = replace(test.recording, response=whole)
+        found = hit_of(study, test.entry, test.name, predicted, mode.key, mode.band, end)
+        if not isinstance(found, Hit):
+            return found
+        return _at(found.curves.as_quantity("modal displacement"), amplitude)
+
+    own = seen(best)
+    if isinstance(own, str):
+        return f"of the prediction: {own}"
+    unknown = np.full_like(own, np.nan)
+    others = (seen(each) for each in drawn)
+    draws = np.stack([unknown if isinstance(each, str) else each for each in others])
+    f, zeta = own
+    return PredictedCurves(
+        amplitude,
+        compared(np.asarray(measured.frequency), f, draws[:, 0], probability),
+        compared(np.asarray(measured.damping), zeta, draws[:, 1], probability),
+        np.asarray(measured.frequency_std),
+        np.asarray(measured.damping_std),
+        *curve_errors(measured, f, zeta),
+    )
+
+
+def _at(curves: ModalCurves, amplitude: np.ndarray) -> np.ndarray:
+    """Frequency and damping at some amplitudes, (2, levels), NaN beyond those of the curves."""
+    own = np.log(np.asarray(curves.amplitude))
+    order, wanted = np.argsort(own), np.log(amplitude)
+    return np.stack(
+        [
+            np.interp(wanted, own[order], np.asarray(y)[order], np.nan, np.nan)
+            for y in (curves.frequency, curves.damping)
+        ]
+    )
