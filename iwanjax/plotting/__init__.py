@@ -25,6 +25,7 @@ from iwanjax.plotting.linear import plot_linear
 from iwanjax.plotting.loops import plot_loops
 from iwanjax.plotting.modal_test import plot_modal_test
 from iwanjax.plotting.posterior import plot_bands, plot_posterior
+from iwanjax.plotting.predicted import plot_predicted
 from iwanjax.plotting.quasistatic import plot_qsma
 from iwanjax.plotting.ringdown import (
     plot_contents,
@@ -62,6 +63,7 @@ __all__ = [
     "plot_modes",
     "plot_places",
     "plot_posterior",
+    "plot_predicted",
     "plot_prediction",
     "plot_qsma",
     "plot_restoring",
@@ -82,6 +84,7 @@ _BY_NAME = {
     "iwanjax.updating.posterior.Posterior": plot_posterior,
     "iwanjax.updating.sampled.SampledFits": plot_sampled,
     "iwanjax.studies.fits.StudyFit": plot_study_fit,
+    "iwanjax.studies.predicted.Prediction": plot_predicted,
     "iwanjax.studies.simulations.DrivenJoint": plot_driven,
 }
 

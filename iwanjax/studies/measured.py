@@ -238,13 +238,9 @@ def hit_of(
     recording: Recording,
     key: str | int,
     band: tuple[float, float],
-    end: float | None = None,
 ) -> Hit | str:
-    """Curves of a mode by a time history of an entry, or why it shows nothing of it.
-
-    ``end`` takes the place of the entry's own, s from the recording's first sample.
-    """
-    start, own_end = _span(entry, recording)
+    """Curves of a mode by a time history of an entry, or why it shows nothing of it."""
+    start, end = _span(entry, recording)
     with blamed(f"{entry.place}: {name}"):
         signal, quantity, unit = _signal(study, entry, recording, key)
     try:
@@ -256,7 +252,7 @@ def hit_of(
             unit=unit,
             name=name,
             start=start,
-            end=own_end if end is None else end,
+            end=end,
             precision=study.ringdown.precision,
             order=study.ringdown.order,
         )

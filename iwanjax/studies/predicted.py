@@ -56,8 +56,7 @@ class PredictedCurves(NamedTuple):
     amplitude : (levels,) array
         Modal displacement, mass-normalised.
     frequency, damping : Comparison of (levels,) arrays
-        Hz, 1: both by one estimator of the same span of time; NaN beyond what the prediction
-        reaches.
+        Hz, 1: measured and predicted by one estimator; NaN beyond what the prediction reaches.
     frequency_std, damping_std : (levels,) array
         Of what was measured.
     frequency_error, damping_error : float
@@ -221,7 +220,7 @@ def compared(
 ) -> Comparison:
     """With the central range of the draws, (draws, ...), that are known."""
     tail = 0.5 * (1.0 - probability)
-    known = np.any(np.isfinite(drawn), axis=0)
+    known = np.any(np.isfinite(drawn), axis=0) & np.isfinite(predicted)
     ends = np.nanquantile(np.where(known, drawn, 0.0), [tail, 1.0 - tail], axis=0)
     lower, upper = np.where(known, ends, np.nan)
     return Comparison(measured, predicted, lower, upper)

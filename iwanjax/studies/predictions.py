@@ -310,15 +310,11 @@ def _curves(
     drawn: np.ndarray,
     probability: float,
 ) -> PredictedCurves | str:
-    """Instantaneous frequency and damping by the estimator that the recording itself went through.
-
-    All of the same span of time, which ends where the measured decay is lost in noise.
-    """
+    """Frequency and damping of best and draws by the estimator that the recording went through."""
     hit = next((each for each in mode.held_out if each.name == test.name), None)
     if hit is None or hit.ringdown is None:
         ends = [why for why in mode.skipped if test.name in why]
         return ends[0] if ends else "the recording shows no decay of it"
-    end = float(hit.ringdown.edges[-1])
     measured = hit.curves.as_quantity("modal displacement")
     amplitude = np.asarray(measured.amplitude)
 
@@ -327,7 +323,7 @@ def _curves(
         whole = np.zeros_like(test.recording.response)
         whole[test.driven] = response
         predicted = replace(test.recording, response=whole)
-        found = hit_of(study, test.entry, test.name, predicted, mode.key, mode.band, end)
+        found = hit_of(study, test.entry, test.name, predicted, mode.key, mode.band)
         if not isinstance(found, Hit):
             return found
         return _at(found.curves.as_quantity("modal displacement"), amplitude)
