@@ -30,6 +30,8 @@ From hammer hits to joint parameters:
   iwanjax curves    configs/modal_ringdown.yaml --out results/modal_ringdown
   iwanjax fit       configs/modal_ringdown.yaml --out results/modal_ringdown
   iwanjax posterior configs/modal_ringdown.yaml --out results/modal_ringdown
+From a fitted structure to recordings that it was not fitted to:
+  iwanjax predict   study.yaml                  --out results/study
 From a model and recordings to what the model lacks:
   iwanjax diagnose  study.yaml                  --out results/study
   iwanjax laws
@@ -69,6 +71,13 @@ _POSTERIOR_HELP = """Joint parameters from recordings, as a sampled posterior (e
 
 Fits first. Shows a progress bar; interrupted, even killed, the same command goes on where
 it was. Writes report.html, posterior.json, posterior.npz, the chains (.h5) and pictures.
+"""
+_PREDICT_HELP = """How a fitted structure responds to forces that it was not fitted to.
+
+Fits, then drives the structure from rest by the measured forces of the recordings with use:
+hold_out. Compares in time, by mode, and by frequency and damping against amplitude; bands are of
+what the fit (or, with --posterior, the sampled posterior) leaves open of the parameters, the noise
+of the sensors is told apart. Writes predict.json, predict.npz and a picture of each recording.
 """
 _DIAGNOSE_HELP = """What a model is missing, by its recordings.
 
@@ -180,6 +189,21 @@ def fit_verb(study: _Study, out: _Out) -> None:
 def posterior_verb(study: _Study, out: _Out) -> None:
     """The posterior of a study's joints, written into a folder."""
     _run("posterior", study, out)
+
+
+@app.command("predict", help=_PREDICT_HELP)
+def predict_verb(
+    study: _Study,
+    out: _Out,
+    posterior: Annotated[
+        bool, typer.Option("--posterior", help="Bands by a posterior, which is sampled first.")
+    ] = False,
+    draws: Annotated[
+        int, typer.Option(metavar="COUNT", min=1, help="Parameter sets that bands are made of.")
+    ] = 100,
+) -> None:
+    """Recordings held out, predicted by a study's fitted structure, written into a folder."""
+    _run("predict", study, out, posterior=posterior, draws=draws)
 
 
 @app.command("diagnose", help=_DIAGNOSE_HELP)

@@ -84,7 +84,7 @@ _BY_NAME = {
     "iwanjax.updating.posterior.Posterior": plot_posterior,
     "iwanjax.updating.sampled.SampledFits": plot_sampled,
     "iwanjax.studies.fits.StudyFit": plot_study_fit,
-    "iwanjax.studies.predicted.Prediction": plot_predicted,
+    "iwanjax.studies.predicted.PredictedRecording": plot_predicted,
     "iwanjax.studies.simulations.DrivenJoint": plot_driven,
 }
 

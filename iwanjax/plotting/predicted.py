@@ -14,7 +14,7 @@ from iwanjax.plotting.fit import MEASURED, MODEL, plain_ticks
 from iwanjax.plotting.style import DOUBLE_COLUMN, GREY, paper_style, set_up, with_unit
 
 if TYPE_CHECKING:
-    from iwanjax.studies.predicted import Comparison, PredictedCurves, Prediction
+    from iwanjax.studies.predicted import Comparison, PredictedCurves, PredictedRecording
 
 # Modes that are drawn, the largest ones.
 _MOST_MODES = 3
@@ -25,7 +25,7 @@ _BEGINS = 0.02
 
 
 @paper_style()
-def plot_predicted(prediction: "Prediction") -> Figure:
+def plot_predicted(prediction: "PredictedRecording") -> Figure:
     """A recording held out and its prediction.
 
     Above: the beginning of the response of the sensor that moves most, and its amplitude over all
@@ -36,7 +36,7 @@ def plot_predicted(prediction: "Prediction") -> Figure:
 
     Parameters
     ----------
-    prediction : Prediction
+    prediction : PredictedRecording
         Of :meth:`iwanjax.Study.predict`.
 
     Returns
@@ -57,7 +57,7 @@ def plot_predicted(prediction: "Prediction") -> Figure:
     _draw_beginning(first, prediction, column)
     time = prediction.window_time
     noise = np.sqrt(2.0) * prediction.noise[column]
-    _draw_amplitude(whole, time, _column(prediction.amplitude, column))
+    _draw_amplitude(whole, time, prediction.amplitude.column(column))
     quantity = prediction.quantity.capitalize()
     first.set_ylabel(with_unit(f"{quantity} {prediction.shown}", prediction.unit))
     whole.set_ylabel(with_unit("Amplitude", prediction.unit))
@@ -67,7 +67,9 @@ def plot_predicted(prediction: "Prediction") -> Figure:
         set_up(*axes)
         left.append(axes[0])
         _draw_amplitude(axes[0], time, mode.amplitude)
-        axes[0].set_ylabel(with_unit(f"{mode.name.capitalize()} at {prediction.shown}", prediction.unit))
+        axes[0].set_ylabel(
+            with_unit(f"{mode.name.capitalize()} at {prediction.shown}", prediction.unit)
+        )
         if mode.curves is None:
             for ax in axes[1:]:
                 ax.set_axis_off()
@@ -89,13 +91,9 @@ def plot_predicted(prediction: "Prediction") -> Figure:
     return figure
 
 
-def _column(whole: "Comparison", i: int) -> "Comparison":
-    return whole._replace(**{name: x[:, i] for name, x in whole._asdict().items()})
-
-
-def _draw_beginning(ax: Axes, prediction: "Prediction", column: int) -> None:
+def _draw_beginning(ax: Axes, prediction: "PredictedRecording", column: int) -> None:
     """Some windows of a sensor's response, sample by sample."""
-    found, time = _column(prediction.response, column), prediction.time
+    found, time = prediction.response.column(column), prediction.time
     size = np.abs(found.measured)
     begin = int(np.argmax(size > _BEGINS * size.max()))
     windows = prediction.window_time

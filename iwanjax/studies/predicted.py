@@ -47,6 +47,10 @@ class Comparison(NamedTuple):
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.predicted / self.measured - 1.0
 
+    def column(self, i: int) -> "Comparison":
+        """Of one sensor or mode."""
+        return Comparison(*(each[:, i] for each in self))
+
 
 class PredictedCurves(NamedTuple):
     """Instantaneous frequency and damping of a mode in one recording, at measured amplitudes.
@@ -113,7 +117,7 @@ class PredictedMode(AbstractResult):
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction(AbstractResult):
+class PredictedRecording(AbstractResult):
     r"""Result of :meth:`iwanjax.Study.predict`: one recording held out, predicted and measured.
 
     Attributes
@@ -221,8 +225,12 @@ def compared(
     """With the central range of the draws, (draws, ...), that are known."""
     tail = 0.5 * (1.0 - probability)
     known = np.any(np.isfinite(drawn), axis=0) & np.isfinite(predicted)
-    ends = np.nanquantile(np.where(known, drawn, 0.0), [tail, 1.0 - tail], axis=0)
-    lower, upper = np.where(known, ends, np.nan)
+    # Of draws without NaN in a tenth of the time.
+    quantile = np.quantile if np.all(np.isfinite(drawn)) else np.nanquantile
+    lower, upper = (
+        np.where(known, quantile(np.where(known, drawn, 0.0), end, axis=0), np.nan)
+        for end in (tail, 1.0 - tail)
+    )
     return Comparison(measured, predicted, lower, upper)
 
 

@@ -1,7 +1,8 @@
 """The updated model under forces that it was not fitted to (thesis Sec. 3.4.4)."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from iwanjax.config.cases import carried
 from iwanjax.config.reading import blamed, part_of, recordings_of
 from iwanjax.curves import ModalCurves
 from iwanjax.dynamics import component_rows, simulate
+from iwanjax.dynamics.transient import ACCURACY
 from iwanjax.errors import AccuracyError, InputError
 from iwanjax.identification.initial_state import initial_state
 from iwanjax.identification.recordings import StudyRecording, cleaned, noise_of
@@ -30,18 +32,22 @@ from iwanjax.studies.measured import (
     sensors_of,
 )
 from iwanjax.studies.predicted import (
-    Comparison,
     PredictedCurves,
     PredictedMode,
-    Prediction,
+    PredictedRecording,
     Windows,
     compared,
     covered,
 )
+from iwanjax.studies.results import StudyResults
 from iwanjax.updating import Posterior
 from iwanjax.updating.structural import StructuralProblem
 
 Progress = Callable[[str], None]
+
+# Error of the integration over that which the noise of the sensors leaves, and the least one that
+# is asked for: steps for it are some ten times as short as for the usual one.
+_BELOW_NOISE, _FINEST = 0.5, 1e-4
 
 _NO_STRUCTURE = (
     "predict needs a structure, which a measured force can drive; this study has modal: of a mode "
@@ -84,13 +90,13 @@ def held_out(
 def predictions(
     study: StudySetup,
     entries: Sequence[RecordingEntry],
-    fit: StudyFit,
-    posterior: Posterior | None,
+    fits: StudyResults[StudyFit],
+    posteriors: StudyResults[Posterior] | None,
     draws: int,
     probability: float,
     progress: Progress,
-) -> Iterator[Prediction]:
-    """Each recording of these entries, predicted.
+) -> dict[str, PredictedRecording]:
+    """Each recording of these entries, predicted by the fit of a study's structure.
 
     Raises
     ------
@@ -100,24 +106,26 @@ def predictions(
     AccuracyError
         As :func:`iwanjax.simulate`.
     """
+    fit, posterior = fits.only, None if posteriors is None else posteriors.only
     problem = fit.solution.problem
     # Studies without structure have nothing to predict.
     assert isinstance(problem, StructuralProblem)
     theta = (fit.solution if posterior is None else posterior).draws(draws, study.seed)
-    model, names = _Model(problem, fit.structure, theta), set[str]()
+    model = _Model(problem, fit.structure, theta)
+    found: dict[str, PredictedRecording] = {}
     for entry in entries:
         for name, recording in recordings_of(entry):
             progress(f"{name}: {recording.size} samples, {draws} parameter sets")
             with blamed(f"{entry.place}: {name}"):
                 test = _test(study, entry, name, recording)
             modes = [mode for mode in fit.modes if mode.key in entry.modes]
-            found = _predicted(study, model, test, modes, probability)
+            each = _predicted(study, model, test, modes, probability)
             # Files of one name in several folders stay apart.
-            while name in names:
+            while name in found:
                 name += "_"
-            names.add(name)
             source = "fit" if posterior is None else "posterior"
-            yield replace(found, name=name, source=source)
+            found[name] = replace(each, name=name, source=source)
+    return found
 
 
 @dataclass(frozen=True)
@@ -177,44 +185,56 @@ class _Model:
         self.problem, self.best, self.theta = problem, best, theta
         self.low = best.modes("low")
 
-    def places(self, modes: Sequence[MeasuredMode]) -> list[int]:
-        """Indices of modes among those of the updated model, which joints may have reordered."""
-        keys = [mode.key for mode in modes if isinstance(mode.key, int)]
-        fitted = np.asarray(self.best.basis.Phi)[:, keys]
-        alike = modal_assurance(self.low.Phi, fitted, self.best.structure.M)
-        return [int(i) for i in np.argmax(np.asarray(alike), axis=0)] if keys else []
-
-    def driven(self, test: _Test, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Best prediction (N, rows), those of the draws (draws, N, rows), and the first's error."""
-        kept = test.quantity
-        inputs, dt = np.stack([*test.inputs.values()]), 1.0 / test.recording.sampling_rate
-        options = {"inputs": inputs, "sensors": rows, "keep": (kept,)}
-        try:
-            found = simulate(self.best, test.force, dt, **options)
-        except AccuracyError as error:
-            raise AccuracyError(f"{test.entry.place}: {test.name}: {error}") from None
-        best = np.asarray(getattr(found, kept))
-
-        # One kernel runs a part of the draws side by side, as memory allows.
-        held = 8 * (self.best.structure.size**2 + best.size)
-        side_by_side = int(np.clip(MEMORY.kernels // held, 1, len(self.theta)))
-
-        @jax.jit
-        def each(theta: Array, force: Array) -> Array:
+        def responses(theta, force, rows, inputs, kept, dt, substeps, side_by_side):
             def one(own: Array) -> Array:
-                response = simulate(
-                    self.problem.model(own), force, dt, substeps=found.substeps, **options
+                model = problem.model(own)
+                found = simulate(
+                    model, force, dt, inputs=inputs, sensors=rows, keep=(kept,), substeps=substeps
                 )
-                return getattr(response, kept)
+                return getattr(found, kept)
 
             return jax.lax.map(one, theta, batch_size=side_by_side)
 
-        drawn = np.array(each(jnp.asarray(self.theta), jnp.asarray(test.force)))
-        # A draw that needs shorter steps is NaN: it is run by itself, which finds them.
-        for i in np.flatnonzero(np.any(np.isnan(drawn), axis=(1, 2))):
-            own = self.problem.model(jnp.asarray(self.theta[i]))
-            again = simulate(own, test.force, dt, substeps=found.substeps, **options)
-            drawn[i] = getattr(again, kept)
+        # One for all recordings of a length.
+        self._kernel = jax.jit(responses, static_argnums=(4, 5, 6, 7))
+
+    def places(self, modes: Sequence[MeasuredMode]) -> list[int]:
+        """Indices of modes among those of the updated model, which joints may have reordered."""
+        alike = modal_assurance(self.low.Phi, self.best.basis.Phi, self.best.structure.M)
+        now = np.argmax(np.asarray(alike), axis=0)
+        return [int(now[mode.key]) for mode in modes if isinstance(mode.key, int)]
+
+    def driven(self, test: _Test, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Best prediction (N, rows), those of the draws (draws, N, rows), and the first's error."""
+        kept, dt = test.quantity, 1.0 / test.recording.sampling_rate
+        inputs, N = np.stack([*test.inputs.values()]), len(test.force)
+        driven = partial(
+            simulate, force=test.force, dt=dt, inputs=inputs, sensors=rows, keep=(kept,)
+        )
+        # Steps as short as the noise asks for, as far as it may.
+        measured = test.recording.response[test.compared]
+        floor = float(np.min(test.noise / np.sqrt(np.mean(measured**2, axis=0))))
+        accuracy = float(np.clip(_BELOW_NOISE * floor, _FINEST, ACCURACY))
+        held = 8 * (self.best.structure.size**2 + N * len(rows))
+        side_by_side = int(np.clip(MEMORY.kernels // held, 1, len(self.theta)))
+        try:
+            found = driven(self.best, accuracy=accuracy)
+            steps = found.substeps
+            best, drawn = (
+                np.array(each)
+                for each in (
+                    getattr(found, kept),
+                    self._kernel(
+                        self.theta, test.force, rows, inputs, kept, dt, steps, side_by_side
+                    ),
+                )
+            )
+            # A draw that needs shorter steps is NaN: it is run by itself, which finds them.
+            for i in np.flatnonzero(np.any(np.isnan(drawn), axis=(1, 2))):
+                own = self.problem.model(jnp.asarray(self.theta[i]))
+                drawn[i] = getattr(driven(own, substeps=steps), kept)
+        except AccuracyError as error:
+            raise AccuracyError(f"{test.entry.place}: {test.name}: {error}") from None
         if kept == "acceleration":
             moved = test.force @ carried(self.best, test.inputs, rows)
             best, drawn = best + moved, drawn + moved
@@ -227,7 +247,7 @@ def _predicted(
     test: _Test,
     modes: Sequence[MeasuredMode],
     probability: float,
-) -> Prediction:
+) -> PredictedRecording:
     rows = np.stack([*test.sensors.values()])
     measured = test.recording.response[test.compared]
     shown, at = int(np.argmax(np.mean(measured**2, axis=0))), model.places(modes)
@@ -244,16 +264,15 @@ def _predicted(
     Phi = rows @ np.asarray(model.low.Phi)
 
     def filtered(x: np.ndarray) -> np.ndarray:
-        return np.stack([_component(x, Phi, mode, shown) for mode in at], axis=-1)
+        parts = [_component(x, Phi, mode, shown) for mode in at]
+        return np.array(parts).reshape(len(at), len(x)).T
 
-    parts = levels = None
-    if modes:
-        # Noise of sensors that know nothing of each other, through the same filter.
-        noise = np.linalg.norm(filtered(np.diag(test.noise)), axis=0)
-        parts, levels = windows.compared(
-            filtered(measured), best[:, S:], draws[..., S:], noise, probability
-        )
-        leaks = _rms(filtered(best[:, :S]) - best[:, S:]) / _rms(best[:, S:])
+    # Noise of sensors that know nothing of each other, through the same filter.
+    noise = np.linalg.norm(filtered(np.diag(test.noise)), axis=0)
+    parts, levels = windows.compared(
+        filtered(measured), best[:, S:], draws[..., S:], noise, probability
+    )
+    leaks = _rms(filtered(best[:, :S]) - best[:, S:]) / _rms(best[:, S:])
     told = []
     for i, mode in enumerate(modes):
         curves = _curves(study, test, mode, whole[:, :S], drawn[..., :S], probability)
@@ -261,14 +280,14 @@ def _predicted(
         told.append(
             PredictedMode(
                 mode.name,
-                Comparison(*(each[:, i] for each in parts)),
-                Comparison(*(each[:, i] for each in levels)),
+                parts.column(i),
+                levels.column(i),
                 float(leaks[i]),
                 curves if known else None,
                 "" if known else curves,
             )
         )
-    return Prediction(
+    return PredictedRecording(
         name=test.name,
         sensors=tuple(test.sensors),
         quantity=test.quantity,
@@ -294,7 +313,7 @@ def _predicted(
 
 def _component(response: np.ndarray, Phi: np.ndarray, mode: int, sensor: int) -> np.ndarray:
     """A mode's part of a sensor's response, (N,), told apart by the shapes (sensors, modes)."""
-    apart = modes_apart(*Phi.shape, mode)
+    apart = modes_apart(len(Phi), Phi.shape[1], mode)
     return measured_components(response, Phi[:, apart], sensor)[:, apart.index(mode)]
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from iwanjax.modal_analysis import ModalTest
     from iwanjax.quasistatic import QsmaSolution
     from iwanjax.studies.fits import StudyFit
-    from iwanjax.studies.predicted import Prediction
+    from iwanjax.studies.predicted import PredictedRecording
     from iwanjax.studies.simulations import DrivenJoint
     from iwanjax.updating import Posterior
 
@@ -196,8 +196,7 @@ class Study:
         Raises
         ------
         InputError
-            With the recording's place in the study, for what cannot be read or analysed, and
-            where nothing is left to fit.
+            With the recording's place, for what cannot be read or analysed; if nothing is left.
         """
         return StudyResults({mode.name: mode for mode in measured_modes(self.setup)})
 
@@ -250,13 +249,12 @@ class Study:
         """
         from iwanjax.updating.sampling import sample_posterior
 
-        kept = chains or {}
         return StudyResults(
             {
                 name: sample_posterior(
                     fit.solution,
                     **self.setup.posterior.model_dump(),
-                    file=kept.get(name),
+                    file=(chains or {}).get(name),
                     progress=progress,
                 )
                 for name, fit in (self.fit() if fits is None else fits).items()
@@ -271,34 +269,31 @@ class Study:
         draws: int = 100,
         probability: float = 0.9,
         progress: Callable[[str], None] = silent,
-    ) -> StudyResults["Prediction"]:
+    ) -> StudyResults["PredictedRecording"]:
         """The fitted structure under forces that it was not fitted to (thesis Sec. 3.4.4).
 
-        Each recording held out is compared in time, by mode (3.36, 3.37) and by frequency and
-        damping against amplitude; bands are of what the fit leaves open, the noise is told apart.
+        Held against what was measured: in time, by mode (3.36, 3.37), and by frequency and damping
+        against amplitude; bands are of what the fit leaves open, the noise is told apart.
 
         Parameters
         ----------
         fits, posteriors : StudyResults of StudyFit, of Posterior, optional
-            Of :meth:`fit` where they are at hand, and of :meth:`posterior` for bands by it instead
-            of the fit's covariance.
-        draws, probability : int, float
-            Parameter sets that bands are made of, and the central share of them in a band.
-        progress : function
-            Receives a line for each recording.
+            Where they are at hand; with a posterior bands are by it, not by the fit's covariance.
+        draws, probability, progress : int, float, function
+            Sets that bands are made of, their share in a band, and who receives lines.
 
         Raises
         ------
         InputError
-            Without structure, without held-out forces, or not from rest; as :meth:`fit`.
+            Without structure or forces held out, and for a start in motion; as :meth:`fit`.
         """
         from iwanjax.studies.predictions import held_out, predictions
 
         entries = held_out(self.setup, draws, probability, progress)
-        fit = (self.fit() if fits is None else fits).only
-        posterior = None if posteriors is None else posteriors.only
-        found = predictions(self.setup, entries, fit, posterior, draws, probability, progress)
-        return StudyResults({each.name: each for each in found})
+        fits = self.fit() if fits is None else fits
+        return StudyResults(
+            predictions(self.setup, entries, fits, posteriors, draws, probability, progress)
+        )
 
     def simulate(self, *names: str) -> StudyResults["SimulatedResponse | DrivenJoint"]:
         """The cases of the ``simulate`` section in time.

@@ -34,6 +34,11 @@ def version() -> str:
     return sys.modules["iwanjax"].__version__
 
 
+def say(line: str) -> None:
+    """A line of progress, for people: on stderr."""
+    print(f"  {line}", file=sys.stderr, flush=True)
+
+
 def writable(folder: Path) -> None:
     """Refuse a folder that cannot be written, before anything is computed.
 
