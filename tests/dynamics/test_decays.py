@@ -1,13 +1,15 @@
-"""Bands of modes that joints lower past one another, and modes given by shape."""
+"""Bands of modes that joints lower past one another, modes given by shape, modes at a sensor."""
 
 from functools import cache
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import iwanjax as ij
-from iwanjax.dynamics import half_sine, modal_input
+from iwanjax.dynamics import component_rows, half_sine, modal_input
 from iwanjax.errors import InputError
+from iwanjax.signals import measured_components
 
 # Four masses on springs of their own: natural frequencies at rest, Hz, and those of them that
 # hang on a joint for nine tenths of their stiffness.
@@ -106,3 +108,31 @@ def test_shapes_have_a_band_each():
 def test_what_is_no_mode_or_band_is_refused(modes, bands, told):
     with pytest.raises(InputError, match=told):
         decays(modes, 0, bands=bands)
+
+
+def test_components_by_simulation_and_by_measurement_are_the_same_where_sensors_know_all_modes():
+    chain = ij.three_mass(zeta=2e-3)
+    sensor = np.array([0.0, -1.0, 1.0])
+    rows = component_rows(chain, sensor, [2, 0, 1])
+    motion = np.random.default_rng(0).standard_normal((50, 3))
+    # Thesis Eq. (3.36), mode by mode.
+    Phi, M = np.asarray(chain.modes().Phi), np.asarray(chain.structure.M)
+    for row, r in zip(rows, [2, 0, 1], strict=True):
+        expected = (sensor @ Phi[:, r]) * (motion @ M @ Phi[:, r])
+        assert_allclose(motion @ row, expected, rtol=1e-12, atol=1e-14)
+    assert_allclose((motion @ rows.T).sum(axis=1), motion @ sensor, rtol=1e-9, atol=1e-12)
+    # Eq. (3.37) of sensors of another gain each, among them this one.
+    seen = np.vstack([[2.0, 0.0, 0.0], sensor, [0.0, 1.0, 3.0]])
+    measured = measured_components(motion @ seen.T, seen @ Phi, 1)
+    assert_allclose(measured, motion @ component_rows(chain, sensor, [0, 1, 2]).T, rtol=1e-9)
+
+
+def test_of_more_sensors_than_modes_the_projector_is_that_of_least_squares():
+    random = np.random.default_rng(1)
+    Phi, u = random.standard_normal((5, 2)), random.standard_normal((20, 5))
+    # Phi_s (Phi^T Phi)^-1 Phi^T u, as it is printed.
+    projector = np.linalg.solve(Phi.T @ Phi, Phi.T)
+    found = measured_components(u, Phi, 3)
+    assert_allclose(found, (projector @ u.T).T * Phi[3], rtol=1e-9)
+    with pytest.raises(InputError, match="sensor = 5; expected 0 to 4"):
+        measured_components(u, Phi, 5)
