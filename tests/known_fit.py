@@ -19,7 +19,11 @@ from iwanjax.updating.structural import structural_problem
 
 RATE, N, FINER = 2048.0, 1536, 6
 SENSORS = {f"a{i + 1}": row for i, row in enumerate(np.eye(3))}
-INPUTS = {"m1": np.array([1.0, 0.0, 0.0]), "m3": np.array([0.0, 0.0, 1.0])}
+INPUTS = {
+    "m1": np.array([1.0, 0.0, 0.0]),
+    "m3": np.array([0.0, 0.0, 1.0]),
+    "base": -M.sum(axis=1),
+}
 MODES = (0, 1)
 
 
@@ -32,7 +36,7 @@ def chain(**values: float) -> ij.JointedStructure:
 def hit(
     structure: ij.JointedStructure, peak: float, noise: float, seed: int, place: str = "m1"
 ) -> ij.Recording:
-    """A hit of so many newtons, and accelerations with noise of so much."""
+    """A hit of so many newtons (of the ground m/s^2), and accelerations with noise of so much."""
     t = np.arange(N) / RATE
     force = np.where(t >= 0.02, half_sine(t - 0.02, peak, 2.0 * np.pi * 60.0), 0.0)
     fine = np.interp(np.arange(N * FINER) / (RATE * FINER), t, force)
@@ -45,8 +49,9 @@ def hit(
         every=FINER,
     )
     random = np.random.default_rng(seed)
+    absolute = np.asarray(found.acceleration) + (place == "base") * force[:, None]
     return ij.as_recording(
-        np.asarray(found.acceleration) + noise * random.standard_normal((N, 3)),
+        absolute + noise * random.standard_normal((N, 3)),
         sampling_rate=RATE,
         quantity="acceleration",
         unit="m/s^2",

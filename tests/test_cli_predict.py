@@ -22,7 +22,7 @@ fit: {{starts: 2, reference: absolute}}
 posterior: {{effective: 10, walkers: 20, most_steps: 60}}
 recordings:
   - {{file: hit0.npz, use: fit, response: &a {{array: response, sensors: [a1, a2, a3],
-      quantity: acceleration, unit: m/s^2}}, force: &f {{array: force, inputs: [m1, m3]}}}}
+      quantity: acceleration, unit: m/s^2}}, force: &f {{array: force, inputs: [m1, m3, base]}}}}
   - {{file: hit1.npz, use: hold_out, response: *a, force: *f}}
 """
 

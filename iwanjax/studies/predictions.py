@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ from iwanjax.config.cases import carried
 from iwanjax.config.reading import blamed, part_of, recordings_of
 from iwanjax.curves import ModalCurves
 from iwanjax.dynamics import component_rows, simulate
+from iwanjax.dynamics.integration import Quantity
 from iwanjax.dynamics.transient import ACCURACY
 from iwanjax.errors import AccuracyError, InputError
 from iwanjax.identification.initial_state import initial_state
@@ -138,7 +140,7 @@ class _Test:
     entry: RecordingEntry
     name: str
     recording: Recording
-    quantity: str
+    quantity: Quantity
     sensors: dict[str, np.ndarray]
     inputs: dict[str, np.ndarray]
     force: Float[np.ndarray, "driven inputs"]
@@ -167,7 +169,7 @@ def _test(study: StudySetup, entry: RecordingEntry, name: str, recording: Record
         entry,
         name,
         recording,
-        quantity_of(recording),
+        cast(Quantity, quantity_of(recording)),
         sensors,
         study.model.inputs,
         # Without its noise beside pulses, which did not move the structure.
