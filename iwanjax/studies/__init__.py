@@ -7,6 +7,7 @@ study does not need.
 from iwanjax.config import Measurement
 from iwanjax.signals.tabular import as_recording
 from iwanjax.studies.measured import Hit, MeasuredMode
+from iwanjax.studies.predicted import PredictedRecording
 from iwanjax.studies.results import StudyResults
 from iwanjax.studies.study import Study, load_study
 
@@ -14,6 +15,7 @@ __all__ = [
     "Hit",
     "MeasuredMode",
     "Measurement",
+    "PredictedRecording",
     "Study",
     "StudyResults",
     "as_recording",

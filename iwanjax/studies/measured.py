@@ -340,6 +340,10 @@ def sensors_of(
             f"holds {recording.response.shape[1]} channel(s) for {len(sensors)} sensor(s); say "
             "response: {sensors: [...]}, one for each channel"
         )
+    for sensor in sensors:
+        if sensor not in study.model.sensors:
+            known = ", ".join(study.model.sensors) or "none"
+            raise InputError(f"sensor {sensor!r} is not in the model; it has {known}")
     return {sensor: study.model.sensors[sensor] for sensor in sensors}
 
 

@@ -48,8 +48,8 @@ from iwanjax.updating.structural import StructuralProblem
 Progress = Callable[[str], None]
 
 # Error of the integration over that which the noise of the sensors leaves, and the least one that
-# is asked for: steps for it are some ten times as short as for the usual one.
-_BELOW_NOISE, _FINEST = 0.5, 1e-4
+# is asked for: as it falls with the square of the step, some five times the steps of the usual one.
+_BELOW_NOISE, _FINEST = 0.5, 5e-4
 
 _NO_STRUCTURE = (
     "predict needs a structure, which a measured force can drive; this study has modal: of a mode "
@@ -217,10 +217,21 @@ class _Model:
         measured = test.recording.response[test.compared]
         floor = float(np.min(test.noise / np.sqrt(np.mean(measured**2, axis=0))))
         accuracy = float(np.clip(_BELOW_NOISE * floor, _FINEST, ACCURACY))
-        held = 8 * (self.best.structure.size**2 + N * len(rows))
-        side_by_side = int(np.clip(MEMORY.kernels // held, 1, len(self.theta)))
+        held = 8 * N * len(rows) * len(self.theta)
+        if held > MEMORY.kernels:
+            raise InputError(
+                f"{test.entry.place}: {test.name}: {len(self.theta)} draws of {N} samples take "
+                f"{held / 2**30:.1f} GB; expected {MEMORY.kernels / 2**30:g} at most: take fewer "
+                "draws, or a part of the recording by from: and to:"
+            )
+        # As many draws at once as their matrices leave room for.
+        side_by_side = MEMORY.kernels // (8 * self.best.structure.size**2 + held // len(self.theta))
+        side_by_side = int(np.clip(side_by_side, 1, len(self.theta)))
         try:
-            found = driven(self.best, accuracy=accuracy)
+            try:
+                found = driven(self.best, accuracy=accuracy)
+            except AccuracyError:
+                found = driven(self.best)
             steps = found.substeps
             best, drawn = (
                 np.array(each)

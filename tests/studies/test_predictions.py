@@ -192,6 +192,8 @@ def test_what_cannot_be_predicted_is_refused_before_anything_is_fitted(hits):
         study([first]).predict()
     with pytest.raises(InputError, match="draws = 0"):
         hits.predict(draws=0)
+    with pytest.raises(InputError, match=r"hit1: 30000 draws of 1536 samples take 1\.\d GB"):
+        hits.predict(known_fit({}), draws=30000)
 
 
 def test_what_else_is_held_out_is_told(hits):
