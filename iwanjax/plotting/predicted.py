@@ -63,18 +63,16 @@ def plot_predicted(prediction: "PredictedRecording") -> Figure:
     whole.set_ylabel(with_unit("Amplitude", prediction.unit))
     left = [first]
     for row, mode in enumerate(modes, start=1):
-        axes = [figure.add_subplot(grid[row, slice(2 * i, 2 * i + 2)]) for i in range(3)]
+        parts = [slice(2 * i, 2 * i + 2) for i in range(3)] if mode.curves else [slice(6)]
+        axes = [figure.add_subplot(grid[row, part]) for part in parts]
         set_up(*axes)
         left.append(axes[0])
         _draw_amplitude(axes[0], time, mode.amplitude)
         axes[0].set_ylabel(
             with_unit(f"{mode.name.capitalize()} at {prediction.shown}", prediction.unit)
         )
-        if mode.curves is None:
-            for ax in axes[1:]:
-                ax.set_axis_off()
-            continue
-        _draw_curves(axes[1], axes[2], mode.curves)
+        if mode.curves is not None:
+            _draw_curves(axes[1], axes[2], mode.curves)
     for ax in (whole, *left):
         ax.set_xlabel("Time $t$ (s)")
     figure.align_ylabels(left)
@@ -116,7 +114,9 @@ def _draw_amplitude(ax: Axes, time: np.ndarray, found: "Comparison") -> None:
         plain_ticks(ax.yaxis, low, high)
     _draw_band(ax, time, found.lower, found.upper)
     ax.plot(time, found.measured, color=MEASURED, linewidth=1.0)
-    ax.plot(time, found.predicted, color=MODEL, linewidth=0.9, linestyle="--")
+    # Before it is moved it has no amplitude, which a logarithmic axis would begin in a wall.
+    moving = np.where(found.predicted > 0.0, found.predicted, np.nan)
+    ax.plot(time, moving, color=MODEL, linewidth=0.9, linestyle="--")
     ax.set_xlim(time[0], time[-1])
 
 
@@ -142,7 +142,8 @@ def _draw_curves(f: Axes, zeta: Axes, curves: "PredictedCurves") -> None:
         )
         ax.plot(x, found.predicted[order], color=MODEL, linewidth=0.9, linestyle="--")
         plain_ticks(ax.xaxis, float(x[0]), float(x[-1]))
-        ax.set_xlabel("Modal displacement")
+        # To the left, as the axis's power of ten stands at its right end.
+        ax.set_xlabel("Modal displacement", loc="left")
         ax.set_ylabel(label)
 
 

@@ -43,7 +43,7 @@ class Comparison(NamedTuple):
 
     @property
     def relative(self) -> np.ndarray:
-        """Predicted over measured, less 1: (samples, ...)."""
+        """Predicted over measured, less 1: (samples, ...), of an amplitude its error in time."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.predicted / self.measured - 1.0
 
@@ -92,9 +92,10 @@ class PredictedMode(AbstractResult):
         What the filter (3.37) makes of the predicted sensors less (3.36), rms over that of (3.36):
         as much of the error is not the model's, but other modes that the sensors cannot tell apart.
     curves : PredictedCurves or None
-        None where the recording or the prediction shows no decay of the mode.
+        None where the recording shows no decay of the mode; predicted NaN where only the
+        prediction shows none.
     reason : str
-        Why there are no curves, else empty.
+        Why, else empty.
     """
 
     name: str
@@ -105,15 +106,12 @@ class PredictedMode(AbstractResult):
     reason: str = ""
 
     def _cells(self) -> tuple[str, ...]:
-        curves = self.curves
-        return (
-            self.name,
-            _percent(self.component.error),
-            _percent(self.leakage),
-            _percent(self.amplitude.error),
-            "" if curves is None else f"{curves.frequency_error:.2g} Hz",
-            "" if curves is None else f"{curves.damping_error:.2g} %",
-        )
+        shares = (self.component.error, self.leakage, self.amplitude.error)
+        cells = self.name, *map(_percent, shares)
+        if self.curves is None or not np.isfinite(self.curves.frequency_error):
+            return *cells, "-", "-"
+        f, zeta = self.curves.frequency_error, self.curves.damping_error
+        return *cells, f"{f:.2g} Hz", f"{zeta:.2g} %"
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +199,7 @@ class PredictedRecording(AbstractResult):
             columns = (f"mode at {self.shown}", "error", "of the filter", "amplitude")
             cells = tuple(mode._cells() for mode in self.modes)
             told.append(Grid((*columns, "frequency", "damping"), cells))
-        told += [f"  {mode.name}: no curves: {mode.reason}" for mode in self.modes if mode.reason]
+        told += [f"  {mode.name}: {mode.reason}" for mode in self.modes if mode.reason]
         if self.shifted:
             told.append(
                 "  Frequencies were fitted up to an offset, so that phases drift apart: compare "

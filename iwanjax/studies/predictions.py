@@ -289,15 +289,13 @@ def _predicted(
     told = []
     for i, mode in enumerate(modes):
         curves = _curves(study, test, mode, whole[:, :S], drawn[..., :S], probability)
-        known = not isinstance(curves, str)
         told.append(
             PredictedMode(
                 mode.name,
                 parts.column(i),
                 levels.column(i),
                 float(leaks[i]),
-                curves if known else None,
-                "" if known else curves,
+                *curves,
             )
         )
     return PredictedRecording(
@@ -341,12 +339,15 @@ def _curves(
     best: np.ndarray,
     drawn: np.ndarray,
     probability: float,
-) -> PredictedCurves | str:
-    """Frequency and damping of best and draws by the estimator that the recording went through."""
+) -> tuple[PredictedCurves | None, str]:
+    """Frequency and damping of best and draws by the estimator that the recording went through.
+
+    And why they, or those of the prediction, are not known.
+    """
     hit = next((each for each in mode.held_out if each.name == test.name), None)
     if hit is None or hit.ringdown is None:
         ends = [why for why in mode.skipped if test.name in why]
-        return ends[0] if ends else "the recording shows no decay of it"
+        return None, f"no curves: {ends[0] if ends else 'the recording shows no decay of it'}"
     measured = hit.curves.as_quantity("modal displacement")
     amplitude = np.asarray(measured.amplitude)
 
@@ -360,14 +361,13 @@ def _curves(
             return found
         return _at(found.curves.as_quantity("modal displacement"), amplitude)
 
-    own = seen(best)
-    if isinstance(own, str):
-        return f"of the prediction: {own}"
-    unknown = np.full_like(own, np.nan)
-    others = (seen(each) for each in drawn)
-    draws = np.stack([unknown if isinstance(each, str) else each for each in others])
-    f, zeta = own
-    return PredictedCurves(
+    own, unknown = seen(best), np.full((2, amplitude.size), np.nan)
+    reason = f"no predicted curves: {own}" if isinstance(own, str) else ""
+    others = drawn[:0] if reason else drawn
+    f, zeta = unknown if isinstance(own, str) else own
+    found = [seen(each) for each in others]
+    draws = np.stack([unknown, *(each for each in found if not isinstance(each, str))])
+    curves = PredictedCurves(
         amplitude,
         compared(np.asarray(measured.frequency), f, draws[:, 0], probability),
         compared(np.asarray(measured.damping), zeta, draws[:, 1], probability),
@@ -375,6 +375,7 @@ def _curves(
         np.asarray(measured.damping_std),
         *curve_errors(measured, f, zeta),
     )
+    return curves, reason
 
 
 def _at(curves: ModalCurves, amplitude: np.ndarray) -> np.ndarray:

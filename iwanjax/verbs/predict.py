@@ -69,9 +69,11 @@ def _arrays(found: PredictedRecording) -> dict[str, np.ndarray]:
         "noise": found.noise,
     }
     arrays |= _parts("response", found.response) | _parts("amplitude", found.amplitude)
+    arrays["amplitude_relative_error"] = found.amplitude.relative
     for label, mode in zip(file_names(each.name for each in found.modes), found.modes, strict=True):
         arrays |= _parts(f"{label}_component", mode.component)
         arrays |= _parts(f"{label}_amplitude", mode.amplitude)
+        arrays[f"{label}_amplitude_relative_error"] = mode.amplitude.relative
         if mode.curves is not None:
             curves = mode.curves
             arrays |= {
