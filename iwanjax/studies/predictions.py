@@ -52,9 +52,8 @@ Progress = Callable[[str], None]
 _BELOW_NOISE, _FINEST = 0.5, 5e-4
 
 _NO_STRUCTURE = (
-    "predict needs a structure, which a measured force can drive; this study has modal: of a mode "
-    "of unit mass fit and posterior say how well frequency and damping of held-out recordings are "
-    "predicted"
+    "predict needs a structure, which measured forces drive; this study has modal, of which fit "
+    "tells how well it predicts frequency and damping of recordings held out"
 )
 _NOTHING = (
     "predict needs a recording that no fit sees and whose forces were measured; say use: hold_out "
@@ -118,10 +117,13 @@ def predictions(
     for entry in entries:
         for name, recording in recordings_of(entry):
             progress(f"{name}: {recording.size} samples, {draws} parameter sets")
-            with blamed(f"{entry.place}: {name}"):
-                test = _test(study, entry, name, recording)
             modes = [mode for mode in fit.modes if mode.key in entry.modes]
-            each = _predicted(study, model, test, modes, probability)
+            try:
+                with blamed(f"{entry.place}: {name}"):
+                    test = _test(study, entry, name, recording)
+                    each = _predicted(study, model, test, modes, probability)
+            except AccuracyError as error:
+                raise AccuracyError(f"{entry.place}: {name}: {error}") from None
             # Files of one name in several folders stay apart.
             while name in found:
                 name += "_"
@@ -154,15 +156,16 @@ def _test(study: StudySetup, entry: RecordingEntry, name: str, recording: Record
     part = part_of(entry, recording)
     first = int(np.searchsorted(recording.time, part.time[0]))
     compared = slice(first, first + part.size)
-    # What is said of the beginning is said of the part; what went before drives it otherwise.
-    driven = slice(first if entry.initial == "rest" else 0, compared.stop)
     force = forces_of(study, recording, entry.place, "predict")
     told = StudyRecording(name, recording.response, force, "hold_out")
-    if entry.initial == "periodic" or (entry.initial is None and initial_state(told) != "rest"):
+    # What is said of the beginning is said of the part; else what went before it drives, too.
+    said, rests = entry.initial is not None and entry.start is None, entry.initial == "rest"
+    if not rests and (said or initial_state(told) != "rest"):
         raise InputError(
             "does not begin at rest, from where it is predicted; hold out one that does, or say "
             "initial: rest where its data mislead"
         )
+    driven = slice(first if rests else 0, compared.stop)
     sensors = sensors_of(study, entry, recording)
     given = np.array([study.noise.get(sensor, np.nan) for sensor in sensors])
     return _Test(
@@ -187,18 +190,31 @@ class _Model:
         self.problem, self.best, self.theta = problem, best, theta
         self.low = best.modes("low")
 
-        def responses(theta, force, rows, inputs, kept, dt, substeps, side_by_side):
+        def responses(
+            force: Array,
+            rows: Array,
+            inputs: Array,
+            kept: Quantity,
+            dt: float,
+            substeps: int,
+            side_by_side: int,
+        ) -> Array:
             def one(own: Array) -> Array:
-                model = problem.model(own)
                 found = simulate(
-                    model, force, dt, inputs=inputs, sensors=rows, keep=(kept,), substeps=substeps
+                    problem.model(own),
+                    force,
+                    dt,
+                    inputs=inputs,
+                    sensors=rows,
+                    keep=(kept,),
+                    substeps=substeps,
                 )
                 return getattr(found, kept)
 
-            return jax.lax.map(one, theta, batch_size=side_by_side)
+            return jax.lax.map(one, jnp.asarray(theta), batch_size=side_by_side)
 
-        # One for all recordings of a length.
-        self._kernel = jax.jit(responses, static_argnums=(4, 5, 6, 7))
+        # One kernel for all recordings of a length.
+        self._responses = jax.jit(responses, static_argnums=(3, 4, 5, 6))
 
     def places(self, modes: Sequence[MeasuredMode]) -> list[int]:
         """Indices of modes among those of the updated model, which joints may have reordered."""
@@ -208,50 +224,45 @@ class _Model:
 
     def driven(self, test: _Test, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Best prediction (N, rows), those of the draws (draws, N, rows), and the first's error."""
+        side_by_side = self._fitting(8 * len(test.force) * len(rows))
         kept, dt = test.quantity, 1.0 / test.recording.sampling_rate
-        inputs, N = np.stack([*test.inputs.values()]), len(test.force)
-        driven = partial(
-            simulate, force=test.force, dt=dt, inputs=inputs, sensors=rows, keep=(kept,)
-        )
-        # Steps as short as the noise asks for, as far as it may.
+        force, inputs = test.force, np.stack([*test.inputs.values()])
+        run = partial(simulate, force=force, dt=dt, inputs=inputs, sensors=rows, keep=(kept,))
+        # Steps as short as the noise asks for, if there are any.
         measured = test.recording.response[test.compared]
-        floor = float(np.min(test.noise / np.sqrt(np.mean(measured**2, axis=0))))
-        accuracy = float(np.clip(_BELOW_NOISE * floor, _FINEST, ACCURACY))
-        held = 8 * N * len(rows) * len(self.theta)
-        if held > MEMORY.kernels:
-            raise InputError(
-                f"{test.entry.place}: {test.name}: {len(self.theta)} draws of {N} samples take "
-                f"{held / 2**30:.1f} GB; expected {MEMORY.kernels / 2**30:g} at most: take fewer "
-                "draws, or a part of the recording by from: and to:"
-            )
-        # As many draws at once as their matrices leave room for.
-        side_by_side = MEMORY.kernels // (8 * self.best.structure.size**2 + held // len(self.theta))
-        side_by_side = int(np.clip(side_by_side, 1, len(self.theta)))
+        floor = float(np.min(test.noise / _rms(measured)))
         try:
-            try:
-                found = driven(self.best, accuracy=accuracy)
-            except AccuracyError:
-                found = driven(self.best)
-            steps = found.substeps
-            best, drawn = (
-                np.array(each)
-                for each in (
-                    getattr(found, kept),
-                    self._kernel(
-                        self.theta, test.force, rows, inputs, kept, dt, steps, side_by_side
-                    ),
-                )
-            )
-            # A draw that needs shorter steps is NaN: it is run by itself, which finds them.
-            for i in np.flatnonzero(np.any(np.isnan(drawn), axis=(1, 2))):
-                own = self.problem.model(jnp.asarray(self.theta[i]))
-                drawn[i] = getattr(driven(own, substeps=steps), kept)
-        except AccuracyError as error:
-            raise AccuracyError(f"{test.entry.place}: {test.name}: {error}") from None
+            accuracy = float(np.clip(_BELOW_NOISE * floor, _FINEST, ACCURACY))
+            found = run(self.best, accuracy=accuracy)
+        except AccuracyError:
+            found = run(self.best)
+        steps = found.substeps
+        best = np.array(getattr(found, kept))
+        drawn = np.array(self._responses(force, rows, inputs, kept, dt, steps, side_by_side))
+        # A draw that needs shorter steps is NaN: it is run by itself, which finds them.
+        for i in np.flatnonzero(np.any(np.isnan(drawn), axis=(1, 2))):
+            own = self.problem.model(jnp.asarray(self.theta[i]))
+            drawn[i] = getattr(run(own, substeps=steps), kept)
         if kept == "acceleration":
-            moved = test.force @ carried(self.best, test.inputs, rows)
+            moved = force @ carried(self.best, test.inputs, rows)
             best, drawn = best + moved, drawn + moved
         return best, drawn, float(found.error)
+
+    def _fitting(self, held: int) -> int:
+        """Draws that memory has room for at once, where each leaves so many bytes.
+
+        Raises
+        ------
+        InputError
+            Where there is none for what all of them leave.
+        """
+        draws, room = len(self.theta), MEMORY.kernels
+        if held * draws > room:
+            raise InputError(
+                f"responses of {draws} draws take {held * draws / 2**30:.1f} GB; expected "
+                f"{room / 2**30:g} at most: take fewer draws, or a part of the recording (from, to)"
+            )
+        return int(np.clip(room // (8 * self.best.structure.size**2 + held), 1, draws))
 
 
 def _predicted(
@@ -289,15 +300,8 @@ def _predicted(
     told = []
     for i, mode in enumerate(modes):
         curves = _curves(study, test, mode, whole[:, :S], drawn[..., :S], probability)
-        told.append(
-            PredictedMode(
-                mode.name,
-                parts.column(i),
-                levels.column(i),
-                float(leaks[i]),
-                *curves,
-            )
-        )
+        part, level = parts.column(i), levels.column(i)
+        told.append(PredictedMode(mode.name, part, level, float(leaks[i]), *curves))
     return PredictedRecording(
         name=test.name,
         sensors=tuple(test.sensors),

@@ -192,7 +192,7 @@ def test_what_cannot_be_predicted_is_refused_before_anything_is_fitted(hits):
         study([first]).predict()
     with pytest.raises(InputError, match="draws = 0"):
         hits.predict(draws=0)
-    with pytest.raises(InputError, match=r"hit1: 30000 draws of 1536 samples take 1\.\d GB"):
+    with pytest.raises(InputError, match=r"hit1: responses of 30000 draws take 1\.\d GB"):
         hits.predict(known_fit({}), draws=30000)
 
 
@@ -213,5 +213,7 @@ def test_a_recording_that_begins_in_motion_is_refused():
         whole.response[200:], sampling_rate=RATE, quantity="acceleration",
         sensors=["a1", "a2", "a3"], force=whole.force[100:-100], inputs=list(INPUTS), name="cut",
     )  # fmt: skip
-    with pytest.raises(InputError, match="cut: does not begin at rest"):
-        study([Measurement(cut, use="hold_out")]).predict(known_fit({}), draws=1)
+    for said in (None, "unknown", "periodic"):
+        held_out = Measurement(cut, use="hold_out", initial=said)
+        with pytest.raises(InputError, match="cut: does not begin at rest"):
+            study([held_out]).predict(known_fit({}), draws=1)
