@@ -111,7 +111,9 @@ def _draw_amplitude(ax: Axes, time: np.ndarray, found: "Comparison") -> None:
     if np.any(known):
         low, high = 0.8 * float(np.min(falling[falling > 0.0])), 1.25 * float(known.max())
         ax.set_ylim(low, high)
-        plain_ticks(ax.yaxis, low, high)
+        # Larger numbers are powers of ten.
+        if high < 1e4:
+            plain_ticks(ax.yaxis, low, high)
     _draw_band(ax, time, found.lower, found.upper)
     ax.plot(time, found.measured, color=MEASURED, linewidth=1.0)
     # Before it is moved it has no amplitude, which a logarithmic axis would begin in a wall.

@@ -300,9 +300,9 @@ def _signal(
     assert study.structure is not None
     assert isinstance(key, int)
     rows = np.stack([*sensors_of(study, entry, recording).values()])
-    Phi = np.asarray(study.structure.basis.Phi)
-    told_apart = modes_apart(len(rows), Phi.shape[1], key)
-    modal = modal_filter(recording.response, rows @ Phi[:, told_apart])
+    shapes = rows @ np.asarray(study.structure.basis.Phi)
+    told_apart = modes_apart(shapes, key)
+    modal = modal_filter(recording.response, shapes[:, told_apart])
     return modal[:, told_apart.index(key)], quantity, ""
 
 
@@ -347,11 +347,17 @@ def sensors_of(
     return {sensor: study.model.sensors[sensor] for sensor in sensors}
 
 
-def modes_apart(sensors: int, modes: int, key: int) -> list[int]:
-    """As many elastic modes as there are sensors to tell them apart, the wanted one among them."""
-    count = min(sensors, modes)
-    first = max(0, min(key - count + 1, modes - count)) if key >= count else 0
-    return [*range(first, first + count)]
+def modes_apart(shapes: np.ndarray, key: int) -> list[int]:
+    """As many elastic modes as there are sensors to tell them apart, the wanted one among them.
+
+    Of shapes at the sensors (sensors, modes); modes in which no sensor moves are passed over.
+    """
+    size = np.linalg.norm(shapes, axis=0)
+    nothing = np.sqrt(np.finfo(float).eps) * size.max()
+    seen = [mode for mode in range(size.size) if mode == key or size[mode] > nothing]
+    count, at = min(len(shapes), len(seen)), seen.index(key)
+    first = max(0, min(at - count + 1, len(seen) - count))
+    return seen[first : first + count]
 
 
 def forces_of(study: StudySetup, recording: Recording, place: str, what: str) -> np.ndarray:

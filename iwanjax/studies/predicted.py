@@ -90,7 +90,10 @@ class PredictedMode(AbstractResult):
         Of the same, in the windows of the prediction.
     leakage : float
         What the filter (3.37) makes of the predicted sensors less (3.36), rms over that of (3.36):
-        as much of the error is not the model's, but other modes that the sensors cannot tell apart.
+        as much of the error is not the model's, but motion that the filter takes for this mode, of
+        rigid bodies and higher modes while the force acts above all.
+    filtered_error : float
+        As ``component.error`` where predicted sensors go through the filter, too.
     curves : PredictedCurves or None
         None where the recording shows no decay of the mode; predicted NaN where only the
         prediction shows none.
@@ -102,11 +105,17 @@ class PredictedMode(AbstractResult):
     component: Comparison = field(repr=False)
     amplitude: Comparison = field(repr=False)
     leakage: float
+    filtered_error: float
     curves: PredictedCurves | None = field(repr=False)
     reason: str = ""
 
     def _cells(self) -> tuple[str, ...]:
-        shares = (self.component.error, self.leakage, self.amplitude.error)
+        shares = (
+            self.component.error,
+            self.leakage,
+            self.filtered_error,
+            self.amplitude.error,
+        )
         cells = self.name, *map(_percent, shares)
         if self.curves is None or not np.isfinite(self.curves.frequency_error):
             return *cells, "-", "-"
@@ -196,9 +205,9 @@ class PredictedRecording(AbstractResult):
         columns = ("sensor", "error", "noise alone", "parameters", f"in {share}", "amplitude")
         told = [head, Grid(columns, tuple(self._rows_of_sensors()))]
         if self.modes:
-            columns = (f"mode at {self.shown}", "error", "of the filter", "amplitude")
+            columns = (f"mode at {self.shown}", "error", "of the filter", "both filtered")
             cells = tuple(mode._cells() for mode in self.modes)
-            told.append(Grid((*columns, "frequency", "damping"), cells))
+            told.append(Grid((*columns, "amplitude", "frequency", "damping"), cells))
         told += [f"  {mode.name}: {mode.reason}" for mode in self.modes if mode.reason]
         if self.shifted:
             told.append(

@@ -1,5 +1,6 @@
 """The updated model under forces that it was not fitted to (thesis Sec. 3.4.4)."""
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -228,21 +229,21 @@ class _Model:
         kept, dt = test.quantity, 1.0 / test.recording.sampling_rate
         force, inputs = test.force, np.stack([*test.inputs.values()])
         run = partial(simulate, force=force, dt=dt, inputs=inputs, sensors=rows, keep=(kept,))
-        # Steps as short as the noise asks for, if there are any.
-        measured = test.recording.response[test.compared]
-        floor = float(np.min(test.noise / _rms(measured)))
-        try:
-            accuracy = float(np.clip(_BELOW_NOISE * floor, _FINEST, ACCURACY))
-            found = run(self.best, accuracy=accuracy)
-        except AccuracyError:
-            found = run(self.best)
-        steps = found.substeps
-        best = np.array(getattr(found, kept))
+        found = run(self.best)
+        rough, steps = np.array(getattr(found, kept)), found.substeps
         drawn = np.array(self._responses(force, rows, inputs, kept, dt, steps, side_by_side))
         # A draw that needs shorter steps is NaN: it is run by itself, which finds them.
         for i in np.flatnonzero(np.any(np.isnan(drawn), axis=(1, 2))):
             own = self.problem.model(jnp.asarray(self.theta[i]))
             drawn[i] = getattr(run(own, substeps=steps), kept)
+        # Steps as short as the noise asks for, where there are any; what they change is much the
+        # same for all draws.
+        floor = float(np.min(test.noise / _rms(test.recording.response[test.compared])))
+        accuracy = float(np.clip(_BELOW_NOISE * floor, _FINEST, ACCURACY))
+        with contextlib.suppress(AccuracyError):
+            found = run(self.best, accuracy=accuracy)
+        best = np.array(getattr(found, kept))
+        drawn += best - rough
         if kept == "acceleration":
             moved = force @ carried(self.best, test.inputs, rows)
             best, drawn = best + moved, drawn + moved
@@ -296,12 +297,15 @@ def _predicted(
     parts, levels = windows.compared(
         filtered(measured), best[:, S:], draws[..., S:], noise, probability
     )
-    leaks = _rms(filtered(best[:, :S]) - best[:, S:]) / _rms(best[:, S:])
+    alike = filtered(best[:, :S])
+    leaks = _rms(alike - best[:, S:]) / _rms(best[:, S:])
+    errors = _rms(alike - parts.measured) / _rms(parts.measured)
     told = []
     for i, mode in enumerate(modes):
         curves = _curves(study, test, mode, whole[:, :S], drawn[..., :S], probability)
         part, level = parts.column(i), levels.column(i)
-        told.append(PredictedMode(mode.name, part, level, float(leaks[i]), *curves))
+        shares = float(leaks[i]), float(errors[i])
+        told.append(PredictedMode(mode.name, part, level, *shares, *curves))
     return PredictedRecording(
         name=test.name,
         sensors=tuple(test.sensors),
@@ -311,8 +315,7 @@ def _predicted(
         response=response,
         noise=test.noise,
         covered=covered(measured, draws[..., :S], test.noise, probability),
-        spread=_rms(np.moveaxis(draws[..., :S] - best[:, :S], 2, 0).reshape(S, -1).T)
-        / _rms(measured),
+        spread=_rms(_rms(draws[..., :S] - best[:, :S])) / _rms(measured),
         window_time=windows.middle,
         amplitude=amplitude,
         modes=tuple(told),
@@ -328,7 +331,7 @@ def _predicted(
 
 def _component(response: np.ndarray, Phi: np.ndarray, mode: int, sensor: int) -> np.ndarray:
     """A mode's part of a sensor's response, (N,), told apart by the shapes (sensors, modes)."""
-    apart = modes_apart(len(Phi), Phi.shape[1], mode)
+    apart = modes_apart(Phi, mode)
     return measured_components(response, Phi[:, apart], sensor)[:, apart.index(mode)]
 
 

@@ -134,6 +134,7 @@ def _told_of_mode(mode: PredictedMode) -> dict[str, Any]:
         "name": mode.name,
         "error": float(mode.component.error),
         "filter_error": mode.leakage,
+        "filtered_error": mode.filtered_error,
         "amplitude_error": float(mode.amplitude.error),
         "frequency_error_hz": None if curves is None else curves.frequency_error,
         "damping_error_percent": None if curves is None else curves.damping_error,

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 import iwanjax as ij
 from iwanjax.errors import InputError
 from iwanjax.studies import Measurement
+from iwanjax.studies.measured import modes_apart
 from iwanjax.studies.predicted import Comparison, PredictedRecording, Windows, compared, covered
 
 OPEN = {"J1.K_T": 0.01, "J1.chi": 0.1, "mode0.zeta_0": 0.2, "mode1.zeta_0": 0.1}
@@ -74,6 +75,7 @@ def test_modes_are_told_apart_alike_and_followed_against_amplitude(exact):
     (mode,) = exact.modes
     # Three sensors know all three modes: the filter adds nothing to the noise.
     assert mode.leakage < 1e-9
+    assert mode.filtered_error == pytest.approx(float(mode.component.error), rel=1e-6)
     assert mode.component.error < 0.02
     curves = mode.curves
     assert curves is not None
@@ -217,3 +219,11 @@ def test_a_recording_that_begins_in_motion_is_refused():
         held_out = Measurement(cut, use="hold_out", initial=said)
         with pytest.raises(InputError, match="cut: does not begin at rest"):
             study([held_out]).predict(known_fit({}), draws=1)
+
+
+def test_a_filter_of_few_sensors_passes_over_modes_that_they_do_not_see():
+    shapes = np.array([[1.0, 0.0, 0.5, 0.3], [0.2, 0.0, -1.0, 0.4]])
+    assert modes_apart(shapes, 0) == modes_apart(shapes, 2) == [0, 2]
+    assert modes_apart(shapes, 3) == [2, 3]
+    # The wanted one is kept, whose filter then says what is wrong.
+    assert modes_apart(shapes, 1) == [0, 1]
