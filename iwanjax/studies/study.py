@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from iwanjax.discrepancy import Diagnosis
     from iwanjax.dynamics import SimulatedResponse
     from iwanjax.modal_analysis import ModalTest
+    from iwanjax.planning import Detectability
     from iwanjax.quasistatic import QsmaSolution
     from iwanjax.studies.fits import StudyFit
     from iwanjax.studies.simulations import DrivenJoint
@@ -338,6 +339,31 @@ class Study:
         from iwanjax.studies.diagnoses import diagnosed
 
         return StudyResults(diagnosed(self.setup, budget, progress))
+
+    def detectability(self, *, progress: Callable[[str], None] = silent) -> "Detectability":
+        """What these recordings would show of each effect at each place, and what to add to them.
+
+        Of a plan that is not measured yet give recordings of :meth:`simulate`, with noise.
+
+        Parameters
+        ----------
+        progress : function
+            Receives a line at every stage.
+
+        Returns
+        -------
+        Detectability
+            The smallest size of each that is found, and told from all others, in nine of ten
+            repetitions; pairs that are not told apart; hits and sensors to add.
+
+        Raises
+        ------
+        InputError
+            For a study without time histories of a structure, and as :func:`iwanjax.diagnose`.
+        """
+        from iwanjax.studies.plans import detectability_of
+
+        return detectability_of(self.setup, progress)
 
     def _structure(self, verb: str) -> JointedStructure:
         if self.setup.structure is None:

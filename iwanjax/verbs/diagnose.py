@@ -1,7 +1,6 @@
 """The verb ``diagnose``: what a study's model is missing, by its recordings."""
 
 import math
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from iwanjax.report.page import NamedParagraph, PageSection, PageTable, render
 from iwanjax.report.words import with_deviation
 from iwanjax.studies import Study
 from iwanjax.studies.verdicts import as_json
-from iwanjax.verbs.output import file_names, results, save, version, write_json
+from iwanjax.verbs.output import file_names, results, save, say, version, write_json
 
 # Parts of a report's lead after the verdict.
 _PARTS = ("Improvement", "Doubt", "Measure next")
@@ -33,7 +32,7 @@ _MODES = 12
 
 def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
     """Write diagnosis.json, pictures and report.html; lines for the screen."""
-    verdicts = dict(study.diagnose(budget=budget, progress=_say))
+    verdicts = dict(study.diagnose(budget=budget, progress=say))
     # Several modes have their pictures under their own names.
     ends = [f"_{label}" for label in file_names(verdicts)] if len(verdicts) > 1 else [""]
     with results(out) as folder:
@@ -54,10 +53,6 @@ def run(study: Study, out: Path, budget: float | None = None) -> list[str]:
         page = render(study.name, _lead(verdicts), sections, f"Written by iwanjax {version()}.")
         (folder / "report.html").write_text(page, encoding="utf-8")
     return [*lead, f"wrote {out / 'report.html'}"]
-
-
-def _say(line: str) -> None:
-    print(f"  {line}", file=sys.stderr, flush=True)
 
 
 def _lead(verdicts: Mapping[str, Diagnosis]) -> list[str | NamedParagraph]:

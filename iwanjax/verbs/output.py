@@ -29,6 +29,11 @@ _CURVES = (
 )
 
 
+def say(line: str) -> None:
+    """Tell on stderr how far a long run has come."""
+    print(f"  {line}", file=sys.stderr, flush=True)
+
+
 def version() -> str:
     """The package's version; it is loaded before any verb is."""
     return sys.modules["iwanjax"].__version__
