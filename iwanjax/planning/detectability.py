@@ -144,6 +144,11 @@ class _Effect(NamedTuple):
     def label(self) -> str:
         return f"{self.kind.name}@{self.where}"
 
+    def holds(self, other: "_Effect") -> bool:
+        """Whether the other one is what this becomes at an end of its range."""
+        names = {limit.name for limit in self.kind.limits}
+        return self.where == other.where and other.kind.name in names
+
     @property
     def shape_info(self) -> ParameterInfo | None:
         return self.kind.shape if isinstance(self.kind, ForceKind) else None
@@ -167,10 +172,15 @@ class _Sizes(NamedTuple):
 
 
 class _Judge(NamedTuple):
-    """What sizes are judged by: names, unknowns, a unit of squared residual, correlation time."""
+    """What sizes are judged by.
+
+    Names and unknowns of effects, whether another one is a limit of each, a unit of squared
+    residual, and its correlation time.
+    """
 
     labels: np.ndarray
     unknowns: np.ndarray
+    simpler: np.ndarray
     unit: float
     tau: float
 
@@ -182,19 +192,25 @@ class _Judge(NamedTuple):
         tau = 1.0 + 2.0 * float(correlation[1:until].sum())
         temperature = max(LEAST_TEMPERATURE, left_by_noise(problem) / values_measured(problem))
         unknowns = np.array([1.0 + (e.shape_info is not None) for e in effects])
-        return cls(np.array([e.label for e in effects]), unknowns, temperature * tau, tau)
+        simpler = np.array([[one.holds(other) for other in effects] for one in effects])
+        labels = np.array([e.label for e in effects])
+        return cls(labels, unknowns, simpler, temperature * tau, tau)
 
     def among(self, which: Sequence[int]) -> "_Judge":
         """Of some of the effects."""
         at = list(which)
-        return self._replace(labels=self.labels[at], unknowns=self.unknowns[at])
+        return self._replace(
+            labels=self.labels[at],
+            unknowns=self.unknowns[at],
+            simpler=self.simpler[np.ix_(at, at)],
+        )
 
     def of_plan(self, parts: Sequence[tuple[RecordingInformation, Sequence[int]]]) -> _Sizes:
         """By recordings, each with the sensors that count in it."""
         whole = fisher((part.of(at) for part, at in parts), parts[0][0].shared)
         count = sum(float(part.samples[list(at)].sum()) for part, at in parts) / self.tau
         known = self.unknowns, self.unit, count
-        apart = told_apart_from(whole, *known)
+        apart = told_apart_from(whole, *known, self.simpler)
         apart[self.labels[:, None] == self.labels] = 0.0
         return _Sizes(found_from(np.diag(whole), *known), apart)
 
