@@ -34,6 +34,7 @@ From a fitted structure to recordings that it was not fitted to:
   iwanjax predict   study.yaml                  --out results/study
 From a model and recordings to what the model lacks:
   iwanjax diagnose  study.yaml                  --out results/study
+  iwanjax detectability study.yaml              --out results/study
   iwanjax laws
 From low-level recordings to a linear model:
   iwanjax modal     configs/f16.yaml            --out results/f16
@@ -86,6 +87,13 @@ fault of a sensor or of a joint, alone or two together; where, of which kind, an
 held-out recordings are predicted with it. A structure is judged by recordings with force, free
 decays or curves of its modes, a joint on its own by its loops, single modes by their frequency and
 damping. Takes some seconds to some minutes. Writes report.html, diagnosis.json and pictures.
+"""
+_DETECTABILITY_HELP = """Which effects recordings would show, from what size on.
+
+Of every effect at every place the smallest size that a diagnosis of these recordings finds, and
+tells from all others, in nine of ten repetitions; pairs that it cannot tell apart; and the hit or
+the sensor that would help most. Recordings may be measured, or simulated ones of a plan. Takes a
+minute or two. Writes detectability.txt, detectability.json, detectability.npz and a picture.
 """
 _INSPECT_HELP = """What a file holds: recordings and what is wrong with them, or matrices.
 
@@ -217,6 +225,12 @@ def diagnose_verb(
 ) -> None:
     """What a study's model is missing, written into a folder."""
     _run("diagnose", study, out, budget=budget)
+
+
+@app.command("detectability", help=_DETECTABILITY_HELP)
+def detectability_verb(study: _Study, out: _Out) -> None:
+    """What a study's recordings would show of each effect, written into a folder."""
+    _run("detectability", study, out)
 
 
 @app.command("qsma", help=_QSMA_HELP)

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
     "class names used twice": 0,
-    "tuned numbers": 899,
+    "tuned numbers": 912,
     "tuned numbers without a comment": 141,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
@@ -33,19 +33,19 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 11,
     "config": 21,
-    "discrepancy": 29,
+    "discrepancy": 30,
     "dynamics": 16,
     "estimation": 13,
     "identification": 36,
     "files": 6,
     "modal_analysis": 5,
-    "plotting": 19,
+    "plotting": 20,
     "quasistatic": 9,
     "report": 3,
     "structures": 41,
-    "studies": 10,
+    "studies": 11,
     "updating": 19,
-    "verbs": 11,
+    "verbs": 12,
 }
 """Modules of each room. Joints and signals grow by design: a law and a kind of recording are one
 file each; rooms to come are counted from when they stand here."""

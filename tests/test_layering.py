@@ -30,6 +30,7 @@ LAYERS = [
     {"updating", "modal_analysis"},
     {"identification"},
     {"discrepancy", "config"},
+    {"planning"},
     {"studies"},
     {"plotting"},
     {"report"},

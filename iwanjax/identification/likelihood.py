@@ -15,7 +15,7 @@ from iwanjax.identification.problem import HistoryProblem
 from iwanjax.signals.comparison_band import OF_NOISE
 
 # No model is trusted to explain its residual better than this share of the noise's variance.
-_LEAST_TEMPERATURE = 0.3
+LEAST_TEMPERATURE = 0.3
 UNSURE = 0.05
 """Share of the noise's square that some hundred samples before the triggers leave open."""
 
@@ -55,7 +55,7 @@ def evidence(problem: HistoryProblem, fits: Sequence[HypothesisFit]) -> Evidence
     """Of fits with the same memory, all at the temperature and correlation of the best."""
     best = min(fits, key=lambda each: each.cost)
     count = values_measured(problem)
-    temperature = max(_LEAST_TEMPERATURE, float(best.misfit.sum()) / count)
+    temperature = max(LEAST_TEMPERATURE, float(best.misfit.sum()) / count)
     tau = correlation_time(best.residual)
     return Evidence(np.zeros(0), temperature, tau).at(problem, fits, temperature)
 
@@ -156,7 +156,7 @@ def scale(
         Squared residual that is left beside the fit's best rival; by default its own.
     """
     left = float(fitted.misfit.sum()) if left is None else left
-    temperature = max(_LEAST_TEMPERATURE, left / values_measured(problem))
+    temperature = max(LEAST_TEMPERATURE, left / values_measured(problem))
     error = left - (1.0 - unsure) * left_by_noise(problem)
     white = temperature * correlation_time(fitted.residual)
     return max(white, 1.0 + error / _ways(problem))

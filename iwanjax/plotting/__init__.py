@@ -11,6 +11,7 @@ from iwanjax.dynamics import ModalDecays, SimulatedResponse
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
 from iwanjax.plotting.curves import plot_curves
+from iwanjax.plotting.detectability import plot_detectability
 from iwanjax.plotting.diagnosis import (
     plot_diagnosis,
     plot_places,
@@ -50,6 +51,7 @@ __all__ = [
     "plot_contents",
     "plot_curves",
     "plot_decays",
+    "plot_detectability",
     "plot_diagnosis",
     "plot_explained",
     "plot_fit",
@@ -78,6 +80,7 @@ __all__ = [
 # By name: their modules load the optimisers and emcee, which other figures do not need.
 _BY_NAME = {
     "iwanjax.modal_analysis.result.ModalTest": plot_modal_test,
+    "iwanjax.planning.result.Detectability": plot_detectability,
     "iwanjax.updating.solution.FitSolution": plot_fit,
     "iwanjax.updating.linear_solution.LinearSolution": plot_linear,
     "iwanjax.updating.pareto.ParetoFront": plot_front,
@@ -97,8 +100,8 @@ def plot(obj: Any, **options: Any) -> Figure:
     ----------
     obj : object
         A joint, ModalCurves, QsmaSolution, RingDown, MergedCurves, SimulatedResponse, ModalDecays,
-        Diagnosis, FitSolution, LinearSolution, ModalTest, SampledFits, ParetoFront or Posterior, or
-        what a study returns.
+        Diagnosis, Detectability, FitSolution, LinearSolution, ModalTest, SampledFits, ParetoFront
+        or Posterior, or what a study returns.
     **options
         Passed to :func:`plot_joint`, :func:`plot_curves`, :func:`plot_qsma`,
         :func:`plot_ringdown`, :func:`plot_merged`, :func:`plot_transient`, :func:`plot_fit` or
@@ -130,8 +133,8 @@ def plot(obj: Any, **options: Any) -> Figure:
     raise InputError(
         f"plot: no figure for a {type(obj).__name__}; expected a joint, ModalCurves, QsmaSolution, "
         "RingDown, MergedCurves, SimulatedResponse, ModalDecays, "
-        "Diagnosis, FitSolution, LinearSolution, ModalTest, SampledFits, ParetoFront or Posterior, "
-        "or what a study returns"
+        "Diagnosis, Detectability, FitSolution, LinearSolution, ModalTest, SampledFits, "
+        "ParetoFront or Posterior, or what a study returns"
     )
 
 

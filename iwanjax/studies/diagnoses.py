@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from iwanjax.identification.resampling import at_one_rate
 from iwanjax.identification.steady.cycle import InteractingMode
 from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals import ForceLoop, Recording
+from iwanjax.structures import JointedStructure
 from iwanjax.studies.fits import of_one_quantity
 from iwanjax.studies.measured import MeasuredMode, forces_of, measured_modes
 from iwanjax.updating import modal_parameters
@@ -176,14 +177,65 @@ def _by_curves(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
 
 def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosis:
     """The structure by its time histories."""
+    known = histories_of(study, "diagnose")
+    verdict = diagnose_histories(
+        known.structure,
+        known.recordings,
+        known.sampling_rate,
+        **known.about,
+        budget=budget,
+        seed=study.seed,
+        progress=progress,
+    )
+    more = known.resampled
+    return replace(verdict, warnings=(*verdict.warnings, *more)) if more else verdict
+
+
+class Histories(NamedTuple):
+    """Time histories of a study's structure, all at one rate.
+
+    Attributes
+    ----------
+    structure : JointedStructure
+        Of the study.
+    recordings : list of StudyRecording
+        As measured.
+    sampling_rate : float
+        Hz.
+    about : dict
+        What else a comparison is told, by the names of its arguments.
+    resampled : tuple of str
+        What was changed for that rate.
+    """
+
+    structure: JointedStructure
+    recordings: list[StudyRecording]
+    sampling_rate: float
+    about: dict[str, Any]
+    resampled: tuple[str, ...]
+
+
+def histories_of(study: StudySetup, verb: str) -> Histories:
+    """Time histories of a study's structure, read and brought to one rate.
+
+    Parameters
+    ----------
+    study : StudySetup
+        That holds them.
+    verb : str
+        What they are for, as messages call it.
+
+    Raises
+    ------
+    InputError
+        For a study without them, and what its model does not know.
+    """
     model, structure = study.model, study.structure
     # A study has these or single modes.
     assert model is not None
     assert structure is not None
     if not model.rows or not model.sensors or not model.inputs:
-        raise InputError(
-            f"{study.label}: diagnose needs a model with named rows, sensors and inputs"
-        )
+        raise InputError(f"{study.label}: {verb} needs a model with named rows, sensors and inputs")
     measured = [
         (entry, name, _part(entry, recording))
         for entry in study.recordings
@@ -223,22 +275,16 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
             replace(each, force_noise=force_noise_of(each, of_forces * math.sqrt(rate / own)))
             for each, own in zip(transients, rates, strict=True)
         ]
-    verdict = diagnose_histories(
-        structure,
-        transients,
-        rate,
-        rows=model.rows,
-        sensors={name: model.sensors[name] for name in sensors},
-        inputs=model.inputs,
-        quantity=quantity,
-        hypotheses=study.hypotheses,
-        noise=study.noise,
-        trust=study.trust,
-        budget=budget,
-        seed=study.seed,
-        progress=progress,
-    )
-    return replace(verdict, warnings=(*verdict.warnings, *resampled)) if resampled else verdict
+    about = {
+        "rows": model.rows,
+        "sensors": {name: model.sensors[name] for name in sensors},
+        "inputs": model.inputs,
+        "quantity": quantity,
+        "hypotheses": study.hypotheses,
+        "noise": study.noise,
+        "trust": study.trust,
+    }
+    return Histories(structure, transients, rate, about, tuple(resampled))
 
 
 def _common(study: StudySetup, recordings: list[Recording]) -> tuple[list[str], Any]:

@@ -1,9 +1,10 @@
 """Fits of a study's model to its measured modes, and what they predict of recordings held out."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +16,12 @@ from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure, oscillator
 from iwanjax.studies.measured import MeasuredMode
-from iwanjax.studies.results import under_name
+from iwanjax.studies.results import StudyResults, under_name
 from iwanjax.tables import Block
 from iwanjax.updating import (
     Exponents,
     FitSolution,
+    Posterior,
     fit,
     free_exponents,
     modal_parameters,
@@ -121,6 +123,30 @@ def fits_of(study: StudySetup, modes: Sequence[MeasuredMode]) -> tuple[StudyFit,
     if study.structure is not None:
         return (_structure(study, modes),)
     return tuple(_modal(study, mode) for mode in modes)
+
+
+def posteriors_of(
+    study: StudySetup,
+    fits: StudyResults[StudyFit],
+    chains: Mapping[str, Path] | None,
+    progress: bool,
+) -> StudyResults[Posterior]:
+    """Posteriors sampled from the fits on, each with the file that its chain is kept in, if any.
+
+    Raises
+    ------
+    InputError
+        As :func:`iwanjax.sample_posterior`.
+    """
+    from iwanjax.updating.sampling import sample_posterior
+
+    options, kept = study.posterior.model_dump() | {"progress": progress}, chains or {}
+    return StudyResults(
+        {
+            name: sample_posterior(fit.solution, **options, file=kept.get(name))
+            for name, fit in fits.items()
+        }
+    )
 
 
 def _modal(study: StudySetup, mode: MeasuredMode) -> StudyFit:

@@ -97,7 +97,7 @@ def predictions(
     draws: int,
     probability: float,
     progress: Progress,
-) -> dict[str, PredictedRecording]:
+) -> StudyResults[PredictedRecording]:
     """Each recording of these entries, predicted by the fit of a study's structure.
 
     Raises
@@ -130,7 +130,7 @@ def predictions(
                 name += "_"
             source = "fit" if posterior is None else "posterior"
             found[name] = replace(each, name=name, source=source)
-    return found
+    return StudyResults(found)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,8 @@
 """A study's cases in time: its structure under forces, or a joint on its own."""
 
 import math
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import equinox as eqx
@@ -9,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.config import SimulationCase
+from iwanjax.config import SimulationCase, StudySetup
 from iwanjax.config.reading import blamed
 from iwanjax.config.simulate import (
     Amplitude,
@@ -26,7 +28,13 @@ from iwanjax.joints import AbstractJoint, hysteresis
 from iwanjax.joints.hysteresis import last_amplitude
 from iwanjax.results import AbstractResult
 from iwanjax.signals import read_recording
+from iwanjax.studies.results import StudyResults
 from iwanjax.types import ArrayLike
+
+_SIMULATE = (
+    "there is no simulate section; add for instance simulate: {name: hit, dt: 1e-3, duration: 1, "
+    "excitation: {type: modal_impact, mode: 0, p: 1}}"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +79,27 @@ class DrivenJoint(AbstractResult):
 @eqx.filter_jit
 def _cycle(joint: AbstractJoint, amplitude: Array, omega: float) -> tuple[Array, Array]:
     return joint.secant(amplitude), joint.dissipation(amplitude, omega=omega)
+
+
+def simulations(
+    study: StudySetup, names: Sequence[str]
+) -> StudyResults[SimulatedResponse | DrivenJoint]:
+    """Cases of these names, or all of a study, computed, with the time that each took.
+
+    Raises
+    ------
+    InputError
+        Where there are none, and for an unknown name.
+    """
+    cases = StudyResults({case.name: case for case in study.simulate})
+    if not cases:
+        raise InputError(f"{study.label}: {_SIMULATE}")
+    responses, seconds = {}, {}
+    for name in names or cases:
+        start = time.perf_counter()
+        responses[name] = simulated(cases[name])
+        seconds[name] = time.perf_counter() - start
+    return StudyResults(responses, seconds)
 
 
 def simulated(case: SimulationCase) -> SimulatedResponse | DrivenJoint:

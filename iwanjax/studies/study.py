@@ -1,6 +1,5 @@
 """A study: a model, recordings of it, and what can be done with the two."""
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from iwanjax.discrepancy import Diagnosis
     from iwanjax.dynamics import SimulatedResponse
     from iwanjax.modal_analysis import ModalTest
+    from iwanjax.planning import Detectability
     from iwanjax.quasistatic import QsmaSolution
     from iwanjax.studies.fits import StudyFit
     from iwanjax.studies.predicted import PredictedRecording
@@ -31,10 +31,6 @@ _TEST = (
 _QSMA = (
     "there is no qsma section; add for instance "
     "qsma: {modes: [0], alpha: {from: 1e-2, to: 1e+2, count: 50}}"
-)
-_SIMULATE = (
-    "there is no simulate section; add for instance simulate: {name: hit, dt: 1e-3, duration: 1, "
-    "excitation: {type: modal_impact, mode: 0, p: 1}}"
 )
 
 
@@ -247,19 +243,9 @@ class Study:
         InputError
             As :meth:`fit` and :func:`iwanjax.sample_posterior`.
         """
-        from iwanjax.updating.sampling import sample_posterior
+        from iwanjax.studies.fits import posteriors_of
 
-        return StudyResults(
-            {
-                name: sample_posterior(
-                    fit.solution,
-                    **self.setup.posterior.model_dump(),
-                    file=(chains or {}).get(name),
-                    progress=progress,
-                )
-                for name, fit in (self.fit() if fits is None else fits).items()
-            }
-        )
+        return posteriors_of(self.setup, self.fit() if fits is None else fits, chains, progress)
 
     def predict(
         self,
@@ -272,8 +258,7 @@ class Study:
     ) -> StudyResults["PredictedRecording"]:
         """The fitted structure under forces that it was not fitted to (thesis Sec. 3.4.4).
 
-        Held against what was measured: in time, by mode (3.36, 3.37), and by frequency and damping
-        against amplitude; bands are of what the fit leaves open, the noise is told apart.
+        Held against recordings in time, by mode, by frequency and damping, with bands; noise apart.
 
         Parameters
         ----------
@@ -290,10 +275,8 @@ class Study:
         from iwanjax.studies.predictions import held_out, predictions
 
         entries = held_out(self.setup, draws, probability, progress)
-        fits = self.fit() if fits is None else fits
-        return StudyResults(
-            predictions(self.setup, entries, fits, posteriors, draws, probability, progress)
-        )
+        given = self.fit() if fits is None else fits
+        return predictions(self.setup, entries, given, posteriors, draws, probability, progress)
 
     def simulate(self, *names: str) -> StudyResults["SimulatedResponse | DrivenJoint"]:
         """The cases of the ``simulate`` section in time.
@@ -308,18 +291,10 @@ class Study:
         InputError
             Without a structure or cases, for an unknown name, and as :func:`iwanjax.simulate`.
         """
-        from iwanjax.studies.simulations import simulated
+        from iwanjax.studies.simulations import simulations
 
         self._structure("simulate")
-        cases = StudyResults({case.name: case for case in self.setup.simulate})
-        if not cases:
-            raise InputError(f"{self.setup.label}: {_SIMULATE}")
-        responses, seconds = {}, {}
-        for name in names or cases:
-            start = time.perf_counter()
-            responses[name] = simulated(cases[name])
-            seconds[name] = time.perf_counter() - start
-        return StudyResults(responses, seconds)
+        return simulations(self.setup, names)
 
     def qsma(self) -> "QsmaSolution":
         """Frequency and damping of each mode of the ``qsma`` section, from the model.
@@ -371,6 +346,31 @@ class Study:
         from iwanjax.studies.diagnoses import diagnosed
 
         return StudyResults(diagnosed(self.setup, budget, progress))
+
+    def detectability(self, *, progress: Callable[[str], None] = silent) -> "Detectability":
+        """What these recordings would show of each effect at each place, and what to add to them.
+
+        Of a plan that is not measured yet give recordings of :meth:`simulate`, with noise.
+
+        Parameters
+        ----------
+        progress : function
+            Receives a line at every stage.
+
+        Returns
+        -------
+        Detectability
+            The smallest size of each that is found, and told from all others, in nine of ten
+            repetitions; pairs that are not told apart; hits and sensors to add.
+
+        Raises
+        ------
+        InputError
+            For a study without time histories of a structure, and as :func:`iwanjax.diagnose`.
+        """
+        from iwanjax.studies.plans import detectability_of
+
+        return detectability_of(self.setup, progress)
 
     def _structure(self, verb: str) -> JointedStructure:
         if self.setup.structure is None:

@@ -3,10 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
 
-import jax
 import numpy as np
 
 from iwanjax.compiler import on_the_processor
@@ -22,6 +19,7 @@ from iwanjax.discrepancy.findings import (
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.place_test import with_verdict
+from iwanjax.discrepancy.histories.prepared import prepared
 from iwanjax.discrepancy.histories.ranking import Scope, containing
 from iwanjax.discrepancy.histories.refitted import (
     beyond_trust,
@@ -41,22 +39,12 @@ from iwanjax.discrepancy.histories.validation import (
     unforeseen,
 )
 from iwanjax.discrepancy.judgement import judged
-from iwanjax.effects.catalogue import kinds_in_time, sensor_faults_of
-from iwanjax.effects.kinds import ForceKind
-from iwanjax.errors import InputError, attempted
+from iwanjax.errors import attempted
 from iwanjax.estimation.evidence import LEAST_GAIN
-from iwanjax.identification.conditioning import require_usable
 from iwanjax.identification.estimates import estimates
-from iwanjax.identification.initial_state import initial_state, unsteady
-from iwanjax.identification.joint_priors import Joint
-from iwanjax.identification.offsets import without_offsets
-from iwanjax.identification.places import followed, places_of
-from iwanjax.identification.predictor import Quantity, predictor
-from iwanjax.identification.recordings import StudyRecording, with_force_noise, with_noise
-from iwanjax.settings.stages import settings
+from iwanjax.identification.predictor import Quantity
+from iwanjax.identification.recordings import StudyRecording
 from iwanjax.structures import JointedStructure, LinearTrust
-from iwanjax.structures.checks import finite_array
-from iwanjax.structures.model_file import BASE
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
 
@@ -138,55 +126,24 @@ def diagnose_histories(
     """
     require_double_precision("diagnose")
     started = time.perf_counter()
-    kinds, numbers = kinds_in_time(hypotheses), settings().histories
-    places = {name: finite_array(row, name) for name, row in rows.items()}
-    for what, named in (("inputs", inputs), ("sensors", sensors)):
-        if not named:
-            raise InputError(
-                f"diagnose: no {what}; expected {{name: row}} for at least one; the force of free "
-                "decays is zero at any input"
-            )
-    rows_in, rows_out = (
-        np.stack([finite_array(row, name) for name, row in named.items()])
-        for named in (inputs, sensors)
-    )
-    _check(recordings, len(rows_in), len(rows_out))
-    for each in recordings:
-        require_usable(each)
-    lacking = np.flatnonzero(~np.any([each.measured for each in recordings], axis=0))
-    if lacking.size:
-        name = tuple(sensors)[lacking[0]]
-        raise InputError(f"diagnose: no recording has sensor {name}; leave it out")
-    rigid = len(structure.basis.omega2) < structure.structure.size
-    recordings, taken_off = without_offsets(
-        recordings, list(sensors), list(inputs), quantity, rigid
-    )
-    recordings = [replace(each, initial=initial_state(each)) for each in recordings]
-    given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
-    recordings, contradictions = with_noise(recordings, given, tuple(sensors), numbers.conditioning)
-    of_inputs = {name: s for name, s in (noise or {}).items() if name not in sensors}
-    recordings = [with_force_noise(each, list(inputs), of_inputs) for each in recordings]
-    joints = tuple(Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
-    forces = tuple(kind for kind in kinds if isinstance(kind, ForceKind))
-    predictor_of = partial(
-        predictor,
+    study = prepared(
         structure,
-        jax.device_put(rows_in),
-        jax.device_put(rows_out),
+        recordings,
         sampling_rate,
-        quantity,
-        forces,
+        rows=rows,
+        sensors=sensors,
+        inputs=inputs,
+        quantity=quantity,
+        hypotheses=hypotheses,
+        noise=noise,
         trust=trust,
-        faults=sensor_faults_of(kinds),
-        base=list(inputs).index(BASE) if BASE in inputs else None,
     )
-    resolution = StepRefinement(predictor_of, joints, recordings, given, numbers)
+    resolution, recordings, places = study.resolution, study.recordings, study.rows
     now = resolution.of_model()
     shapes = np.asarray(now.modal.Phi)
-    moving = {name: row @ shapes for name, row in places.items() if np.any(row @ shapes)}
     scope = Scope(
-        kinds,
-        places_of(now.problem, followed(now.problem), moving),
+        study.kinds,
+        study.places(now.problem, shapes),
         tuple(sensors),
         tuple(structure.labels),
         lambda: time.perf_counter() - started < budget,
@@ -211,7 +168,9 @@ def diagnose_histories(
         ),
     )
     table = table.by_evidence()
-    allowed = math.hypot(numbers.conditioning.model_error, 0.0 if trust is None else trust.shapes)
+    allowed = math.hypot(
+        problem.settings.conditioning.model_error, 0.0 if trust is None else trust.shapes
+    )
     verdict = judged(
         table.nominal.behind + LEAST_GAIN,
         [entry.behind for entry in table.entries],
@@ -269,14 +228,12 @@ def diagnose_histories(
         None,
         failures,
     )
-    warnings = [*sides.fitted.warnings, *sides.warnings(), *taken_off, *contradictions]
-    warnings += filter(None, map(unsteady, recordings))
-    if BASE in inputs and quantity != "acceleration":
-        warnings.append(f"The ground moves: each {quantity} was taken to be relative to it")
+    warnings = [*sides.fitted.warnings, *sides.warnings(), *study.warnings]
+    looked_at = {place.label for place in scope.places}
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
         for name in places
-        if name not in moving
+        if name not in looked_at
     ]
     rigid = int(np.sum(np.asarray(problem.predictor.omega2) == 0.0))
     modes = [f"mode {i - rigid + 1}" for i in range(problem.predictor.kept)]
@@ -336,22 +293,6 @@ def _polished(
             scope.progress("polishing again, with finer steps")
             return finer, selection.concluded(table, finer.problem, scope)
     return now, table
-
-
-def _check(recordings: Sequence[StudyRecording], inputs: int, sensors: int) -> None:
-    if not any(each.use == "fit" for each in recordings):
-        raise InputError("diagnose: no recording to fit; give at least one use: fit")
-    for each in recordings:
-        if each.response.ndim != 2 or each.response.shape[1] != sensors:
-            raise InputError(
-                f"{each.name}: response has shape {each.response.shape}; expected (N, {sensors}), "
-                "a column for each sensor"
-            )
-        if each.force is not None and each.force.shape != (len(each.response), inputs):
-            raise InputError(
-                f"{each.name}: force has shape {each.force.shape}; expected "
-                f"({len(each.response)}, {inputs})"
-            )
 
 
 def _relative(run: FreeRun | None) -> float:

@@ -28,6 +28,7 @@ def recorded(
     rate: float = RATE,
     samples: int = N,
     place: str = "m1-m2",
+    noisy: bool = True,
 ) -> StudyRecording:
     """Semi-implicit Euler in small steps, of one length for all rates; noise of one density."""
     random = np.random.default_rng(round(peak))
@@ -47,7 +48,7 @@ def recorded(
         u = u + dt * v
     response = np.array(seen)
     deviation = 5e-3 * np.std(response) * np.sqrt(rate / RATE)
-    noise = deviation * random.standard_normal(response.shape)
+    noise = noisy * deviation * random.standard_normal(response.shape)
     return StudyRecording(f"{use} {peak:g}", response + noise, np.array(push), use=use)
 
 
