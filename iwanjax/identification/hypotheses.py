@@ -261,7 +261,7 @@ def with_law(
 
 def weakened(joint: AbstractJoint, share: float) -> AbstractJoint:
     """An element with a share of its force."""
-    return type(joint)(
+    return joint.with_parameters(
         **{
             info.name: getattr(joint, info.name)
             * (share if info.dimension.startswith(("force", "mass")) else 1.0)

@@ -61,7 +61,7 @@ class Joint(eqx.Module):
             info.name: _moved(info, getattr(self.given, info.name), self.loose[i] * z[i])
             for i, info in enumerate(self.parameters)
         }
-        return type(self.given)(**values)
+        return self.given.with_parameters(**values)
 
 
 class FreeLaw(Joint):

@@ -1,9 +1,10 @@
 """What every joint element offers: parameters, backbone, secant, dissipation, loop."""
 
 import abc
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol, TypeAlias
+from typing import ClassVar, Literal, Protocol, Self, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -118,6 +119,17 @@ class AbstractJoint(eqx.Module):
     # Whether the force is always proportional to the deflection: such elements are part of
     # the linear structure in a static solve.
     linear: ClassVar[bool] = False
+
+    def with_parameters(self, **values: ArrayLike) -> Self:
+        """The same with other values of some parameters; what else it was made of stays.
+
+        Parameters
+        ----------
+        **values : array_like
+            By the parameters' names.
+        """
+        made = {name: getattr(self, name) for name in inspect.signature(type(self)).parameters}
+        return type(self)(**(made | values)) if values else self
 
     @abc.abstractmethod
     def law(self) -> Law:

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from iwanjax.compiler import on_the_processor
 from iwanjax.discrepancy.histories.prepared import PreparedStudy
+from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT
 from iwanjax.effects.faults import AbstractFault
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.columns import UnitEffect, force_faults, sensor_faults, unit_effects
@@ -15,6 +16,7 @@ from iwanjax.identification.free_values import values_measured
 from iwanjax.identification.likelihood import LEAST_TEMPERATURE, left_by_noise
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.problem import HistoryProblem
+from iwanjax.identification.recordings import StudyRecording
 from iwanjax.joints import ParameterInfo
 from iwanjax.planning.information import RecordingInformation, fisher, seen
 from iwanjax.planning.power import POWER, found_from, told_apart_from
@@ -24,6 +26,8 @@ from iwanjax.signals.comparison_band import CORRELATION
 from iwanjax.threads import one_thread
 from iwanjax.types import require_double_precision
 
+# A recording, and the sensors that count in it.
+_Part: TypeAlias = "tuple[_Shown, Sequence[int]]"
 _ALIKE = 2.0
 """Times the smallest size found at which two effects should be told apart."""
 _HELPS = 1.1
@@ -42,7 +46,7 @@ def detectability(
     """What the recordings of a study would show of each effect at each place.
 
     The joints are refitted to the recordings; where these lack something already, joints are
-    taken as given. About the free run of that model every effect is linearised at size zero, with
+    taken as given. About that model's predictions every effect is linearised at size zero, with
     joints, errors of the linear model and states refitted (:mod:`iwanjax.planning.information`),
     and judged as a diagnosis does (:mod:`iwanjax.planning.power`). The same with one recording
     more, the hardest force at each input and at half, once and twice its peak; and with one sensor
@@ -71,15 +75,13 @@ def detectability(
     require_double_precision("detectability")
     progress("refitting the joints")
     base = PlanBase.of(study, seed)
-    plan: list[RecordingInformation] = []
+    plan: list[_Shown] = []
     effects: list[_Effect] = []
     for recording in base.planned():
         progress(f"what {recording.name} shows of every effect")
-        problem, at = base.alone(recording)
-        units = _units(study, problem, at, base)
-        own = [_Effect.of(unit, problem) for unit in units]
+        own, shown = _shown(study, base, recording)
         effects = [a.louder(b) for a, b in zip(effects or own, own, strict=True)]
-        plan.append(seen(problem, at, units))
+        plan.append(shown)
     present = list(range(base.present))
     parts = [(each, present) for each in plan]
     judge = _Judge.of(base.problem, effects)
@@ -97,9 +99,7 @@ def detectability(
     chosen = [effects[i] for i in kept]
     for label, recording in base.added():
         progress(f"what {label} would add")
-        problem, at = base.alone(recording)
-        units = _units(study, problem, at, base)
-        more = seen(problem, at, [units[i] for i in kept])
+        _, more = _shown(study, base, recording, kept)
         options.append((label, "hit", among.of_plan([*parts, (more, present)])))
     places = [kept.index(i) for i in best]
     return Detectability(
@@ -175,7 +175,8 @@ class _Judge(NamedTuple):
     """What sizes are judged by.
 
     Names and unknowns of effects, whether another one is a limit of each, a unit of squared
-    residual, and its correlation time.
+    residual, its correlation time, and what the free run has to leave, over a shorter memory, for
+    anything new to be looked for.
     """
 
     labels: np.ndarray
@@ -183,6 +184,7 @@ class _Judge(NamedTuple):
     simpler: np.ndarray
     unit: float
     tau: float
+    grown: float
 
     @classmethod
     def of(cls, problem: HistoryProblem, effects: Sequence[_Effect]) -> "_Judge":
@@ -194,7 +196,8 @@ class _Judge(NamedTuple):
         unknowns = np.array([1.0 + (e.shape_info is not None) for e in effects])
         simpler = np.array([[one.holds(other) for other in effects] for one in effects])
         labels = np.array([e.label for e in effects])
-        return cls(labels, unknowns, simpler, temperature * tau, tau)
+        grown = problem.settings.slow_effects.grown
+        return cls(labels, unknowns, simpler, temperature * tau, tau, grown)
 
     def among(self, which: Sequence[int]) -> "_Judge":
         """Of some of the effects."""
@@ -205,19 +208,50 @@ class _Judge(NamedTuple):
             simpler=self.simpler[np.ix_(at, at)],
         )
 
-    def of_plan(self, parts: Sequence[tuple[RecordingInformation, Sequence[int]]]) -> _Sizes:
+    def of_plan(self, parts: Sequence[_Part]) -> _Sizes:
         """By recordings, each with the sensors that count in it."""
-        whole = fisher((part.of(at) for part, at in parts), parts[0][0].shared)
-        count = sum(float(part.samples[list(at)].sum()) for part, at in parts) / self.tau
+        usual, free = (
+            fisher((getattr(part, run).of(at) for part, at in parts), parts[0][0].free.shared)
+            for run in _Shown._fields
+        )
+        count = sum(float(part.free.samples[list(at)].sum()) for part, at in parts) / self.tau
         known = self.unknowns, self.unit, count
-        apart = told_apart_from(whole, *known, self.simpler)
+        apart = told_apart_from(free, *known, self.simpler)
         apart[self.labels[:, None] == self.labels] = 0.0
-        return _Sizes(found_from(np.diag(whole), *known), apart)
+        # Where eight cycles show nothing, the free run has to leave so much more.
+        late = found_from(np.diag(free), *known, self.grown - 1.0)
+        return _Sizes(np.minimum(found_from(np.diag(usual), *known), late), apart)
 
 
-def _with(
-    parts: Sequence[tuple[RecordingInformation, Sequence[int]]], sensor: int
-) -> list[tuple[RecordingInformation, Sequence[int]]]:
+class _Shown(NamedTuple):
+    """What a recording shows with a memory of eight cycles, and in the free run."""
+
+    usual: RecordingInformation
+    free: RecordingInformation
+
+    def among(self, effects: Sequence[int]) -> "_Shown":
+        """Of some of the effects."""
+        return _Shown(self.usual.among(effects), self.free.among(effects))
+
+
+def _shown(
+    study: PreparedStudy,
+    base: PlanBase,
+    recording: StudyRecording,
+    kept: Sequence[int] | None = None,
+) -> tuple[list["_Effect"], _Shown]:
+    """What a recording shows of all effects, or of some of them."""
+    shown, effects = [], []
+    for time_constant in (TIME_CONSTANT, math.inf):
+        problem, at = base.alone(recording, time_constant)
+        units = _units(study, problem, at, base)
+        units = units if kept is None else [units[i] for i in kept]
+        effects = [_Effect.of(unit, problem) for unit in units]
+        shown.append(seen(problem, at, units))
+    return effects, _Shown(*shown)
+
+
+def _with(parts: Sequence[_Part], sensor: int) -> list[_Part]:
     """The same recordings with a sensor more."""
     return [(part, [*at, sensor]) for part, at in parts]
 

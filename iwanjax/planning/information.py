@@ -10,7 +10,6 @@ precision. It adds up over recordings and sensors, so that those of a plan, and 
 to it, are made once and put together in any way.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -63,18 +62,18 @@ class RecordingInformation(NamedTuple):
 def seen(
     problem: HistoryProblem, base: HypothesisFit, effects: Sequence[UnitEffect]
 ) -> RecordingInformation:
-    """Products of columns about the free run of one recording.
+    """Products of columns about what a model predicts of one recording.
 
     Parameters
     ----------
     problem : HistoryProblem
         Of one recording.
     base : HypothesisFit
-        The model without any effect.
+        The model without any effect, with the memory that is asked for.
     effects : sequence of UnitEffect
         Of size 1.
     """
-    (line,) = linearise(problem, [(base.hypothesis, base.theta)], math.inf)
+    (line,) = linearise(problem, [(base.hypothesis, base.theta)], base.time_constant)
     slopes = np.asarray(line.slopes)[0]
     shared = free_values(problem, base.hypothesis)
     own = list(range(base.values, len(slopes)))

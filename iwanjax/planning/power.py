@@ -6,10 +6,12 @@ About size zero the fit is linear: an effect of size s takes
 
 off the log evidence's residual term, with the information F of its size and a unit u of squared
 residual. It is found where that pays for its k unknowns, for the least gain that evidence must
-have, and for the share of the residual that a model's own errors are granted
-(:mod:`iwanjax.discrepancy.histories.ranking`): of long recordings the latter asks most. It is named
-where it is more likely than the rival nearest to it, by what of its column the rival's leaves:
-:math:`F_{ii} - F_{ij}^2/F_{jj}`; than a rival that it holds as a limit by that share as well.
+have, and for a share of the residual: with a memory of eight cycles what a model's own errors are
+granted (:mod:`iwanjax.discrepancy.histories.ranking`), in the free run what it must leave more for
+anything new to be looked for (:mod:`iwanjax.discrepancy.histories.further_suspects`). Of long
+recordings that asks most. It is named where it is more likely in the free run than the rival
+nearest to it, by what of its column the rival's leaves: :math:`F_{ii} - F_{ij}^2/F_{jj}`; than a
+rival that it holds as a limit by the former share as well.
 """
 
 import math
@@ -33,6 +35,7 @@ def found_from(
     unknowns: Float[np.ndarray, " effects"],
     unit: float,
     count: float,
+    share: float = MODEL_ERROR_ALLOWANCE,
 ) -> np.ndarray:
     """Smallest sizes that are found, in units of each effect's size; infinite where none is.
 
@@ -46,14 +49,11 @@ def found_from(
         Squared residual of a unit of twice the log evidence.
     count : float
         Independent values in the recordings.
+    share : float
+        Of the residual that an effect has to be worth.
     """
-    needed = LEAST_GAIN + 0.5 * unknowns * math.log(count) + granted(count)
+    needed = LEAST_GAIN + 0.5 * unknowns * math.log(count) + 0.5 * share * count
     return _over(np.sqrt(2.0 * needed) + QUANTILE, information / unit)
-
-
-def granted(count: float) -> float:
-    """Log evidence that errors of the model's own are worth, among so many independent values."""
-    return 0.5 * MODEL_ERROR_ALLOWANCE * count
 
 
 def told_apart_from(
@@ -79,7 +79,8 @@ def told_apart_from(
     alike = np.where(usable, fisher**2 / np.where(usable, own, 1.0), 0.0)
     left = own[:, None] - alike
     left = np.where(left > _NONE * own[:, None], left, 0.0)
-    more = (unknowns[:, None] - unknowns) * math.log(count) + 2.0 * granted(count) * simpler
+    more = (unknowns[:, None] - unknowns) * math.log(count)
+    more = more + MODEL_ERROR_ALLOWANCE * count * simpler
     # Solves delta^2 - 2 z delta = more for what one repetition in ten leaves.
     needed = QUANTILE + np.sqrt(np.maximum(QUANTILE**2 + more, 0.0))
     needed = np.where(QUANTILE**2 + more < 0.0, 0.0, needed)

@@ -1,5 +1,6 @@
 """Recordings of a plan, and those that might be added to it, each on its own."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -81,12 +82,14 @@ class PlanBase:
         """Places of the sensors that might be added."""
         return tuple(self.study.sensors)[self.present :]
 
-    def alone(self, recording: StudyRecording) -> tuple[HistoryProblem, HypothesisFit]:
-        """One recording, and the model's free run of it, its state refitted."""
+    def alone(
+        self, recording: StudyRecording, time_constant: float = math.inf
+    ) -> tuple[HistoryProblem, HypothesisFit]:
+        """One recording, and what the model predicts of it, its state refitted."""
         own = replace(self.study, recordings=[replace(recording, use="fit")])
         problem = own.resolution.with_substeps(self.substeps).problem
         start = Start(problem.nothing(), problem.map.given(self.z))
-        (found,) = multistart(problem, [start], np.inf, STEPS if recording.moving else 0)
+        (found,) = multistart(problem, [start], time_constant, STEPS if recording.moving else 0)
         return problem, found
 
     def planned(self) -> Iterator[StudyRecording]:

@@ -10,6 +10,7 @@ import scipy.special
 
 import iwanjax as ij
 from iwanjax.identification.joint_priors import Joint, joints_at, located, tangents
+from iwanjax.joints import UnnamedLaw
 
 GIVEN = ij.Iwan4(F_S=800.0, K_T=3e5, chi=-0.3, beta=0.4)
 LOOSE = np.array([1.0, 2.0, 0.5, 1.0])
@@ -94,3 +95,16 @@ def test_stiffnesses_of_all_joints_are_slopes_of_their_forces_at_rest():
         expected = [float(joint.backbone(1e-9)) / 1e-9 for joint in both]
         np.testing.assert_allclose(row, expected, rtol=1e-3)
     assert tangents((), jnp.zeros((3, 0))).shape == (3, 0)
+
+
+def test_what_is_no_parameter_of_a_joint_stays():
+    """A one-sided gap was fitted as a two-sided one; a law without a name could not be fitted."""
+    gap = ij.Gap(k=2e4, gap=1e-4, sides="positive")
+    moved = joints_at((Joint(gap, jnp.ones(2)),), jnp.array([0.3, -0.2]))[0]
+    assert isinstance(moved, ij.Gap)
+    assert moved.sides == "positive"
+    assert float(moved.k) != float(gap.k)
+    law = UnnamedLaw.blank(1e-3, 0.1, 0.02)
+    law = law.with_strengths(jnp.ones(len(law.strengths)))
+    (same,) = joints_at((Joint(law, jnp.ones(0)),), jnp.zeros(0))
+    assert float(same.backbone(5e-4)) == float(law.backbone(5e-4))

@@ -139,7 +139,7 @@ class LoopProblem(AbstractSteadyProblem):
     def forces(self, theta: Float[Array, " parameters"]) -> Float[Array, "loops N"]:
         """Predicted, without offsets."""
         n, d = self.beside.count, self.loops.d
-        joint = type(self.joint)(**dict(zip(self.names[:-n], theta[:-n], strict=True)))
+        joint = self.joint.with_parameters(**dict(zip(self.names[:-n], theta[:-n], strict=True)))
         own = hysteresis(joint, d, sliders=None, dt=self.loops.dt)
         if isinstance(self.beside, JointValues):
             return own + hysteresis(Iwan4(*theta[-n:]), d, sliders=None)
