@@ -114,30 +114,45 @@ def residuals_at(
     problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
 ) -> list[np.ndarray]:
     """Residuals alone, for a tenth of the price."""
-    return [residual for residual, _ in _residuals(problem, points, time_constant)]
+    return _residuals(problem, points, time_constant, lambda residual, _: residual)
+
+
+def squares_at(
+    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
+) -> list[float]:
+    """Sums of their squares: of many points the residuals of long recordings take gigabytes."""
+    return _residuals(
+        problem, points, time_constant, lambda residual, _: float(np.sum(residual**2))
+    )
 
 
 def innovations(
     problem: HistoryProblem, hypothesis: Hypothesis, theta: np.ndarray, time_constant: float
 ) -> np.ndarray:
     """Measured less predicted, (recordings, N, sensors): all frequencies, no weights."""
-    return _residuals(problem, [(hypothesis, theta)], time_constant)[0][1]
+    (found,) = _residuals(problem, [(hypothesis, theta)], time_constant, lambda _, left: left)
+    return found
 
 
 def _residuals(
-    problem: HistoryProblem, points: Sequence[tuple[Hypothesis, np.ndarray]], time_constant: float
-) -> list[tuple[np.ndarray, np.ndarray]]:
+    problem: HistoryProblem,
+    points: Sequence[tuple[Hypothesis, np.ndarray]],
+    time_constant: float,
+    kept: Callable[[np.ndarray, np.ndarray], _Found],
+) -> list[_Found]:
+    """Of each point what is kept of its weighted residuals and of its innovations."""
     if not points:
         return []
     gains = problem.gains(
         [h.suspects for h, _ in points], _means(points), time_constant, slopes=False
     ).gain
 
-    def run(i: int) -> tuple[np.ndarray, np.ndarray]:
+    def run(i: int) -> _Found:
         fixed = _fixed(problem, *points[i])
         found = kernels.residuals(*fixed, gains[i], problem.data_with(*points[i]))
         e, left = map(np.asarray, found)
-        return without_added(problem, *points[i], gains[i], e, e[:, None][:, :0])[0], left
+        residual, _ = without_added(problem, *points[i], gains[i], e, e[:, None][:, :0])
+        return kept(residual, left)
 
     slots = points[0][0].suspects.row.shape[0]
     threads, _ = within_memory(problem, available_threads(), 1)

@@ -9,7 +9,7 @@ import numpy as np
 from iwanjax.identification.free_values import values_measured
 from iwanjax.identification.joint_priors import Joint, joints_of, located
 from iwanjax.identification.likelihood import scale
-from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import HypothesisFit, moved
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.joints import Iwan4
@@ -143,7 +143,7 @@ def _weighed(
         theta[:, :p] += change
         points.append((fitted.hypothesis, theta))
     z = fitted.theta.mean(axis=0)[:p]
-    misfit = [float(np.sum(e**2)) for e in residuals_at(problem, points, fitted.time_constant)]
+    misfit = squares_at(problem, points, fitted.time_constant)
     # A peak by the loudest moments alone may be an error of the model's own, though it be no larger
     # than a right model's.
     allowed = max(float(fitted.misfit.sum()), values_measured(problem))

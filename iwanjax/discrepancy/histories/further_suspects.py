@@ -24,7 +24,7 @@ from iwanjax.effects.kinds import ForceKind
 from iwanjax.estimation.multistart import alike
 from iwanjax.identification.columns import unit_effects
 from iwanjax.identification.likelihood import evidence, left_by_noise
-from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
@@ -76,10 +76,9 @@ def probed(
         for unit in unit_effects(problem, base, scope.kinds, places)
         for size in _sizes(problem, unit.kind, named[unit.where], np.max(np.abs(unit.force)))
     ]
-    left = residuals_at(
+    cost = squares_at(
         problem, [(s.hypothesis, problem.still(s.theta)) for s in starts], SHORT_TIME_CONSTANT
     )
-    cost = [float(np.sum(e**2)) for e in left]
     best: dict[Variant, Start] = {}
     for i in np.argsort(cost):
         best.setdefault(starts[i].hypothesis.variant, starts[i])

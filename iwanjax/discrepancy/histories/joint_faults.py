@@ -25,7 +25,7 @@ from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.identification import hypotheses
 from iwanjax.identification.joint_priors import joints_of
 from iwanjax.identification.likelihood import left_by_noise
-from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
@@ -165,7 +165,7 @@ class _Sifted(NamedTuple):
 def _sifted(problem: HistoryProblem, starts: Sequence[Start]) -> _Sifted:
     """The most promising starts: what one step of each foresees costs ten times as much."""
     points = [(start.hypothesis, problem.still(start.theta)) for start in starts]
-    left = [float(np.sum(e**2)) for e in residuals_at(problem, points, SHORT_TIME_CONSTANT)]
+    left = squares_at(problem, points, SHORT_TIME_CONSTANT)
     order = np.argsort(left, kind="stable")
     near = [starts[i] for i in order[: problem.settings.joint_faults.near]]
     return _Sifted(problem, near, left[order[0]])

@@ -30,7 +30,7 @@ from iwanjax.identification.columns import (
 )
 from iwanjax.identification.free_values import drifting_values, free_values
 from iwanjax.identification.likelihood import scale
-from iwanjax.identification.linearise import innovations, linearise, residuals_at
+from iwanjax.identification.linearise import innovations, linearise, squares_at
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
@@ -341,9 +341,6 @@ def _as_they_are(
         (s.hypothesis, np.hstack([np.tile(s.theta, (problem.recordings, 1)), states]))
         for s in whole
     ]
-    seen = residuals_at(problem, points, base.time_constant)
+    seen = squares_at(problem, points, base.time_constant)
     before = float(base.misfit.sum())
-    return [
-        (start, 1.0 - float(np.sum(each**2)) / before)
-        for start, each in zip(starts, seen, strict=True)
-    ]
+    return [(start, 1.0 - each / before) for start, each in zip(starts, seen, strict=True)]

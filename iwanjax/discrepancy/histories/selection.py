@@ -54,7 +54,7 @@ from iwanjax.errors import attempted
 from iwanjax.identification.estimates import determined
 from iwanjax.identification.hypotheses import shrunk
 from iwanjax.identification.likelihood import evidence, left_by_noise
-from iwanjax.identification.linearise import residuals_at
+from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.macroslip import in_the_middle
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
@@ -359,12 +359,11 @@ def withstood_starts(
             if i not in begun
             for start in starts
         ]
-        seen = residuals_at(
+        costs = squares_at(
             problem,
             [(s.hypothesis, problem.still(s.common)) for _, s in points],
             SHORT_TIME_CONSTANT,
         )
-        costs = [float(np.sum(e**2)) for e in seen]
         for cost, (i, start) in sorted(zip(costs, points, strict=True), key=lambda each: each[0]):
             if cost < OUT_OF_SIGHT * nominal.cost:
                 begun.setdefault(i, start)
