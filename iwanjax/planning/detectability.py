@@ -48,8 +48,8 @@ def detectability(
     The joints are refitted to the recordings; where these lack something already, joints are
     taken as given. About that model's predictions every effect is linearised at size zero, with
     joints, errors of the linear model and states refitted (:mod:`iwanjax.planning.information`),
-    and judged as a diagnosis does (:mod:`iwanjax.planning.power`): an estimate, for a search may miss
-    what there is, and joints bend less than their slopes say. The same with one recording
+    and judged as a diagnosis does (:mod:`iwanjax.planning.power`): an estimate, for a search may
+    miss what there is, and joints bend less than their slopes say. The same with one recording
     more, the hardest force at each input and at half, once and twice its peak; and with one sensor
     more, at each place, as noisy as those there are.
 

@@ -59,8 +59,8 @@ def test_the_largest_loop_is_kept_when_the_stack_overflows():
     off = np.abs(closed - sliders) / float(JOINT.F_S)
     assert off[:200].max() < ERROR
     assert off[history > 0.9 * PHI_MAX][-20:].max() < ERROR
-    # On the way back through loops that were left out; which ones these are hangs on the last digit,
-    # and so on the processor. A left-out loop is less than its neighbours differ by, 2 % of it.
+    # On the way back through loops that were left out; which ones these are hangs on the last
+    # digit, and so on the processor. Neighbours of a left-out loop differ by 2 % of it.
     assert 1e-5 < off.max() < 2e-3
 
 
