@@ -22,6 +22,7 @@ LONG = (
     "07_brake_reuss_beam",
     "08_sumali_beam",
     "09_silverbox",
+    "12_a_force_without_a_name",
 )
 
 
