@@ -6,8 +6,9 @@ model, states), in deviations of the noise,
 .. math:: F = H^T H - H^T G\,(G^T G + P)^{-1} G^T H
 
 is the Fisher information of the effects' sizes with the others refitted; P is the prior's
-precision. It adds up over recordings and sensors, so that those of a plan, and what might be added
-to it, are made once and put together in any way.
+precision. It adds up over recordings and, in the free run, over sensors, so that those of a plan,
+and what might be added to it, are made once and put together in any way. With a memory of some
+cycles the observer has all sensors, those that might be added as well: there it is approximate.
 """
 
 from collections.abc import Iterable, Sequence
