@@ -80,7 +80,7 @@ def detectability(
     effects: list[_Effect] = []
     for recording in base.planned():
         progress(f"what {recording.name} shows of every effect")
-        own, shown = _shown(study, base, recording)
+        own, shown = _shown(base, recording)
         effects = [a.louder(b) for a, b in zip(effects or own, own, strict=True)]
         plan.append(shown)
     present = list(range(base.present))
@@ -94,13 +94,13 @@ def detectability(
     before = among.of_plan(parts)
     # With one sensor more in all recordings, then with one recording more.
     options: list[tuple[str, str, _Sizes]] = [
-        (f"sensor {label}", "sensor", among.of_plan(_with(parts, at)))
+        (f"sensor {label}", "sensor", before.improved(among.of_plan(_with(parts, at))))
         for at, label in enumerate(base.more_sensors, start=base.present)
     ]
     chosen = [effects[i] for i in kept]
     for label, recording in base.added():
         progress(f"what {label} would add")
-        _, more = _shown(study, base, recording, kept)
+        _, more = _shown(base, recording, kept)
         options.append((label, "hit", among.of_plan([*parts, (more, present)])))
     places = [kept.index(i) for i in best]
     return Detectability(
@@ -156,10 +156,20 @@ class _Effect(NamedTuple):
 
 
 class _Sizes(NamedTuple):
-    """Sizes from which effects are found, (effects,), and told from rivals, (effects, effects)."""
+    """Sizes from which effects are found, (effects,), and told from rivals, (effects, effects).
+
+    ``late`` are those from which the free run alone finds them.
+    """
 
     found: np.ndarray
+    late: np.ndarray
     apart: np.ndarray
+
+    def improved(self, more: "_Sizes") -> "_Sizes":
+        """With sensors more, which bring sizes down as much as they do in the free run."""
+        known = np.isfinite(self.late) & np.isfinite(more.late)
+        ratio = np.divide(more.late, self.late, out=np.ones_like(self.late), where=known)
+        return more._replace(found=np.minimum(self.found * ratio, more.late))
 
     @property
     def rival(self) -> np.ndarray:
@@ -211,21 +221,23 @@ class _Judge(NamedTuple):
 
     def of_plan(self, parts: Sequence[_Part]) -> _Sizes:
         """By recordings, each with the sensors that count in it."""
-        usual, free = (
-            fisher((getattr(part, run).of(at) for part, at in parts), parts[0][0].free.shared)
-            for run in _Shown._fields
-        )
+        shared = parts[0][0].free.shared
+        usual = fisher((part.usual.of() for part, _ in parts), shared)
+        free = fisher((part.free.of(at) for part, at in parts), shared)
         count = sum(float(part.free.samples[list(at)].sum()) for part, at in parts) / self.tau
         known = self.unknowns, self.unit, count
         apart = told_apart_from(free, *known, self.simpler)
         apart[self.labels[:, None] == self.labels] = 0.0
         # Where eight cycles show nothing, the free run has to leave so much more.
         late = found_from(np.diag(free), *known, self.grown - 1.0)
-        return _Sizes(np.minimum(found_from(np.diag(usual), *known), late), apart)
+        return _Sizes(np.minimum(found_from(np.diag(usual), *known), late), late, apart)
 
 
 class _Shown(NamedTuple):
-    """What a recording shows with a memory of eight cycles, and in the free run."""
+    """What a recording shows to the sensors there are with a memory of eight cycles, and to all.
+
+    The latter in the free run.
+    """
 
     usual: RecordingInformation
     free: RecordingInformation
@@ -236,16 +248,14 @@ class _Shown(NamedTuple):
 
 
 def _shown(
-    study: PreparedStudy,
-    base: PlanBase,
-    recording: StudyRecording,
-    kept: Sequence[int] | None = None,
+    base: PlanBase, recording: StudyRecording, kept: Sequence[int] | None = None
 ) -> tuple[list["_Effect"], _Shown]:
     """What a recording shows of all effects, or of some of them."""
     shown, effects = [], []
-    for time_constant in (TIME_CONSTANT, math.inf):
-        problem, at = base.alone(recording, time_constant)
-        units = _units(study, problem, at, base)
+    present = base.with_present_sensors()
+    for plan, time_constant in ((present, TIME_CONSTANT), (base, math.inf)):
+        problem, at = plan.alone(recording, time_constant)
+        units = _units(present.study, problem, at, plan)
         units = units if kept is None else [units[i] for i in kept]
         effects = [_Effect.of(unit, problem) for unit in units]
         shown.append(seen(problem, at, units))

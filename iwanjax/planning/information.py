@@ -8,7 +8,7 @@ model, states), in deviations of the noise,
 is the Fisher information of the effects' sizes with the others refitted; P is the prior's
 precision. It adds up over recordings and, in the free run, over sensors, so that those of a plan,
 and what might be added to it, are made once and put together in any way. With a memory of some
-cycles the observer has all sensors, those that might be added as well: there it is approximate.
+cycles every sensor steers the observer, so that information of fewer is another one.
 """
 
 from collections.abc import Iterable, Sequence
@@ -51,9 +51,11 @@ class RecordingInformation(NamedTuple):
         at = [*range(self.shared), *(self.shared + i for i in effects), *own]
         return self._replace(products=self.products[:, at][:, :, at])
 
-    def of(self, sensors: Sequence[int]) -> Float[np.ndarray, "values values"]:
+    def of(
+        self, sensors: Sequence[int] | slice = slice(None)
+    ) -> Float[np.ndarray, "values values"]:
         """Products of shared values and effects by some of the sensors, the state refitted."""
-        whole = self.products[list(sensors)].sum(axis=0)
+        whole = self.products[sensors].sum(axis=0)
         last = len(whole) - self.states
         beside = whole[:last, last:]
         own = whole[last:, last:] + np.eye(self.states)

@@ -1,5 +1,6 @@
 """Recordings of a plan, and those that might be added to it, each on its own."""
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -82,10 +83,17 @@ class PlanBase:
         """Places of the sensors that might be added."""
         return tuple(self.study.sensors)[self.present :]
 
+    def with_present_sensors(self) -> "PlanBase":
+        """The same by the sensors that there are."""
+        sensors = dict(itertools.islice(self.study.sensors.items(), self.present))
+        noise = self.study.noise[: self.present]
+        return replace(self, study=replace(self.study, sensors=sensors, noise=noise))
+
     def alone(
         self, recording: StudyRecording, time_constant: float = math.inf
     ) -> tuple[HistoryProblem, HypothesisFit]:
         """One recording, and what the model predicts of it, its state refitted."""
+        recording = _narrowed(recording, len(self.study.sensors))
         own = replace(self.study, recordings=[replace(recording, use="fit")])
         problem = own.resolution.with_substeps(self.substeps).problem
         start = Start(problem.nothing(), problem.map.given(self.z))
@@ -157,6 +165,13 @@ class PlanBase:
         response = recording.response.copy()
         response[:, first:] = shown[:, first:]
         return replace(recording, response=response)
+
+
+def _narrowed(recording: StudyRecording, count: int) -> StudyRecording:
+    """By its first few sensors."""
+    noise = recording.noise
+    assert noise is not None
+    return replace(recording, response=recording.response[:, :count], noise=noise.first(count))
 
 
 def _more_sensors(study: PreparedStudy) -> dict[str, np.ndarray]:

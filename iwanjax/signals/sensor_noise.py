@@ -50,6 +50,16 @@ class SensorNoise(NamedTuple):
             np.where(better, other.upper, self.upper),
         )
 
+    def first(self, count: int) -> "SensorNoise":
+        """Of the first few sensors."""
+        return SensorNoise(
+            self.deviation[:count],
+            self.freedom[:count],
+            self.source[:count],
+            self.lower[:count],
+            self.upper[:count],
+        )
+
     def times(self, factor: np.ndarray | float) -> "SensorNoise":
         """The same of sensors so many times as loud."""
         deviation, lower, upper = (x * factor for x in (self.deviation, self.lower, self.upper))

@@ -26,7 +26,7 @@ def measured():
     return [recorded(nothing, struck, peak, "fit") for struck, peak in HITS]
 
 
-def study_of(measured, **sections) -> ij.Study:
+def study_of(measured, rows=PLACES, **sections) -> ij.Study:
     recordings = [
         ij.as_recording(
             each.response,
@@ -42,7 +42,7 @@ def study_of(measured, **sections) -> ij.Study:
     return ij.Study(
         ij.JointedStructure(ij.LinearStructure(M, DAMPING, K), {}),
         recordings,
-        rows=PLACES,
+        rows=rows,
         sensors={"a1": [1.0, 0.0], "a2": [0.0, 1.0]},
         inputs={"m1": [1.0, 0.0], "m2": [0.0, 1.0]},
         hypotheses=KINDS,
@@ -100,6 +100,15 @@ def test_a_harder_hit_helps_most_with_a_cubic_spring_and_a_softer_one_least(foun
     assert "m2, peak 160" not in by
     # Both masses have a sensor; between them a third would see nothing new of it.
     assert [each.label for each in found.added if each.kind == "sensor"] == ["sensor m1-m2"]
+
+
+def test_sizes_are_those_of_the_sensors_that_there_are(measured, found):
+    """A place where one more might be added changes none of them."""
+    sensorless = {name: row for name, row in PLACES.items() if name != "m1-m2"}
+    fewer = study_of(measured, rows=sensorless).detectability()
+    assert not [each for each in fewer.added if each.kind == "sensor"]
+    for each in fewer.smallest:
+        assert found.of(each.kind, each.where).found == pytest.approx(each.found, rel=1e-9)
 
 
 def test_it_is_told_saved_and_drawn(found, tmp_path):
