@@ -180,7 +180,7 @@ def test_settings_that_are_not_given(study_file):
         "most_steps": 20_000,
         "seed": 0,
     }
-    assert (study.noise, study.hypotheses, study.budget, study.seed) == ({}, (), None, 0)
+    assert (study.noise, study.hypotheses, study.budget, study.seed) == ({}, (), 1800.0, 0)
     assert list(study.changes) == ["mode1.chi"]
 
 

@@ -129,7 +129,8 @@ class Sections(ConfigSection):
     posterior: PosteriorSettings = PosteriorSettings()
     noise: dict[str, Positive] = Field(default_factory=dict)
     hypotheses: tuple[str, ...] = ()
-    budget: Positive | None = None
+    # s; a beam of five joints with one law that nothing explains took more than an hour without.
+    budget: Positive = 1800.0
     seed: Index = 0
 
 

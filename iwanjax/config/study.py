@@ -83,8 +83,8 @@ class StudySetup:
         What ``model.test`` has come to.
     hypotheses : tuple of str
         What may be missing; empty for all that is known.
-    budget : float or None
-        Time to spend, s.
+    budget : float
+        Time that a diagnosis may take, s.
     seed : int
         Of all that is random, unless a section has its own.
     """
@@ -107,7 +107,7 @@ class StudySetup:
     noise: dict[str, float]
     trust: LinearTrust | None
     hypotheses: tuple[str, ...]
-    budget: float | None
+    budget: float
     seed: int
     test: ModalTest | None = None
 

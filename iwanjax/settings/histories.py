@@ -18,6 +18,9 @@ class SelectionSettings:
 
     Attributes
     ----------
+    searched : float
+        Share of the time that the search may take: polishing to the free run and predicting what
+        is held out need the rest. Chosen, not measured; it matters where the time runs out.
     moving : int
         Forces that are judged about the motion itself, those that promise most at rest.
     cut : float
@@ -71,6 +74,7 @@ class SelectionSettings:
         Times the best cost from which on simpler kinds, or those that contain them, are given up.
     """
 
+    searched: float = 0.7
     moving: int = 32
     cut: float = 0.98
     least_promise: float = 3.0

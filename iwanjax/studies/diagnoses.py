@@ -40,8 +40,7 @@ def diagnosed(study: StudySetup, budget: float | None, progress: Progress) -> di
     InputError
         As :func:`iwanjax.diagnose`.
     """
-    limit = budget if budget is not None else study.budget
-    seconds = math.inf if limit is None else limit
+    seconds = study.budget if budget is None else budget
     if study.modal:
         return _modes(study, seconds, progress)
     looped = dict.fromkeys(entry.joint for entry in study.recordings if entry.kind == "loop")

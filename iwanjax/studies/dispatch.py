@@ -101,7 +101,7 @@ def diagnose(
         How exact the linear model of a structure is, as for :class:`iwanjax.Study`: its
         frequencies and damping are fitted within that.
     budget : float, optional
-        Time to spend, s.
+        Time to spend, s: for a structure half an hour by default, for a joint or a mode no end.
     seed : int
         Of the searches.
     progress : function

@@ -329,7 +329,7 @@ class Study:
         Parameters
         ----------
         budget : float, optional
-            Time to spend, s; the study's own by default.
+            Time to spend, s; the study's own by default, half an hour where it says nothing.
         progress : function
             Receives a line at every stage.
 

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -107,7 +108,7 @@ def diagnose_histories(
         How exact the linear model is: its frequencies and damping are fitted with the joints,
         within that prior. Exact where it is not said.
     budget : float
-        Time to spend, s.
+        Time to spend, s. Most of it goes to the search, the rest to what it has found by then.
     seed : int
         Of the starts.
     progress : function
@@ -141,16 +142,24 @@ def diagnose_histories(
     resolution, recordings, places = study.resolution, study.recordings, study.rows
     now = resolution.of_model()
     shapes = np.asarray(now.modal.Phi)
+    known = now.problem.settings.selection
+
+    def in_time(share: float = 1.0) -> bool:
+        return time.perf_counter() - started < share * budget
+
     scope = Scope(
         study.kinds,
         study.places(now.problem, shapes),
         tuple(sensors),
         tuple(structure.labels),
-        lambda: time.perf_counter() - started < budget,
+        lambda: in_time(known.searched),
         progress,
         tuple(inputs),
     )
     table = selection.run(now.problem, scope, seed)
+    complete, scope = scope.in_time(), replace(scope, in_time=in_time)
+    if not complete:
+        progress("the time for the search is over: what it has found so far is polished")
     failures = list(table.failures)
     now, table = attempted(
         "the polish to the free run",
@@ -270,7 +279,7 @@ def diagnose_histories(
         sampling_rate=sampling_rate,
         restoring=restoring,
         warnings=tuple(warnings),
-        complete=scope.in_time(),
+        complete=complete and scope.in_time(),
         seconds=time.perf_counter() - started,
         failures=tuple(dict.fromkeys(failures)),
         model=model,
