@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import readme
 
 import iwanjax as ij
 from iwanjax.effects.wording import noun
@@ -33,8 +34,29 @@ def test_the_script_beside_the_data_makes_them(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def verdict():
-    return ij.load_study(CONFIGS / "concealed_spring.yaml").diagnose().only
+def third():
+    """The README's third example, which diagnoses this study."""
+    saved = CONFIGS.parent / "verdict.npz"
+    try:
+        names, printed = readme.run(readme.examples()[2])
+        assert saved.is_file()
+    finally:
+        saved.unlink(missing_ok=True)
+    return names, printed
+
+
+@pytest.fixture(scope="module")
+def verdict(third):
+    return third[0]["verdict"]
+
+
+def test_the_readme_finds_what_is_concealed_and_simulates_with_it(third):
+    names, printed = third
+    assert "A cubic spring is missing between m3 and ground" in printed
+    assert names["verdict"].model.labels == ("J1", "cubic_stiffness@m3-ground")
+    assert bool(names["again"].balanced)
+    code = [line for line in readme.examples()[2].splitlines() if line]
+    assert len(code) <= 10
 
 
 def test_the_concealed_spring_is_found_and_predicts_the_hit_held_out(verdict):

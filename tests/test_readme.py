@@ -1,39 +1,23 @@
-"""The README's examples are true."""
+"""The README's examples are true; the third one is in test_embedded_diagnosis.py."""
 
 import json
-import os
-import re
-from pathlib import Path
 
-import matplotlib.pyplot as plt
 import pytest
+import readme
 from numpy.testing import assert_allclose
+from readme import ROOT, run
 
 import iwanjax as ij
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="module")
 def examples():
-    return re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-
-
-def run(code):
-    names: dict = {}
-    before = Path.cwd()
-    os.chdir(ROOT)
-    try:
-        exec(code, names)
-    finally:
-        os.chdir(before)
-        plt.close("all")
-    return names
+    return readme.examples()
 
 
 @pytest.fixture(scope="module")
 def first(examples):
-    return run(examples[0])
+    return run(examples[0])[0]
 
 
 def test_the_first_goes_from_hits_to_the_true_joint(first, examples):
@@ -57,37 +41,26 @@ def test_its_simulated_hit_decays_as_the_joint_was_fitted(first):
     assert_allclose(found.damping, zeta, rtol=0.01)
 
 
-def test_the_second_is_the_same_study_without_a_file(first, examples, capsys):
-    curves = run(examples[1])["study"].curves()["mode1"]
+def test_the_second_is_the_same_study_without_a_file(first, examples):
+    names, printed = run(examples[1])
+    curves = names["study"].curves()["mode1"]
     expected = first["study"].curves()["mode1"]
-    assert "3 recording(s) to fit, 1 held out" in capsys.readouterr().out
+    assert "3 recording(s) to fit, 1 held out" in printed
     assert len(curves.held_out) == 1
     for name in ("amplitude", "frequency", "damping", "damping_std"):
         assert_allclose(getattr(curves.curves, name), getattr(expected.curves, name), rtol=1e-9)
 
 
-def test_the_third_finds_what_is_concealed_and_simulates_with_it(examples, capsys):
-    try:
-        found = run(examples[2])
-        assert (ROOT / "verdict.npz").is_file()
-    finally:
-        (ROOT / "verdict.npz").unlink(missing_ok=True)
-    assert "A cubic spring is missing between m3 and ground" in capsys.readouterr().out
-    assert found["verdict"].model.labels == ("J1", "cubic_stiffness@m3-ground")
-    assert bool(found["again"].balanced)
-    code = [line for line in examples[2].splitlines() if line]
-    assert len(code) <= 10
-
-
-def test_the_fourth_has_the_gradient_it_prints(examples, capsys):
-    damping = run(examples[3])["damping"]
-    _, gradient = (float(word) for word in capsys.readouterr().out.split())
+def test_the_fourth_has_the_gradient_it_prints(examples):
+    names, printed = run(examples[3])
+    damping = names["damping"]
+    _, gradient = (float(word) for word in printed.split())
     expected = float(damping(-0.5 + 1e-5) - damping(-0.5 - 1e-5)) / 2e-5
     assert gradient == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_study_of_matrices_can_be_read(tmp_path):
-    (text,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    (text,) = readme.examples("yaml")
     (tmp_path / "study.yaml").write_text(text)
     (tmp_path / "job.sti").write_text("1 1 2.0\n1 2 -1.0\n2 2 2.0\n3 3 1.0\n4 4 1.0\n")
     (tmp_path / "job.mas").write_text("1 1 1.0\n2 2 1.0\n3 3 1.0\n4 4 1.0\n")
