@@ -148,7 +148,11 @@ CONTAINED = [
     (("stiction",), ()),
     (("stiffness_error", "sensor_gain"), ("sensor_gain",)),
     (("viscoelastic", "cubic_stiffness"), ("viscous_damping",)),
-    (("viscoelastic", "cubic_stiffness"), ("cubic_stiffness", "stiffness_error")),
+    pytest.param(
+        ("viscoelastic", "cubic_stiffness"),
+        ("cubic_stiffness", "stiffness_error"),
+        marks=pytest.mark.long,
+    ),
     pytest.param(("iwan_joint", "stiffness_error"), ("iwan_joint",), marks=pytest.mark.long),
     pytest.param(("iwan_joint", "stiffness_error"), ("coulomb_friction",), marks=pytest.mark.long),
     pytest.param(("stiction", "cubic_stiffness"), ("cubic_stiffness",), marks=pytest.mark.long),
