@@ -178,7 +178,9 @@ class Descent:
         """The groups' parts of the second derivatives of half the cost."""
         # As products of matrices: einsum with three of them is of the fourth power of the values.
         T = self.layout.T
-        return T.swapaxes(1, 2) @ self.seen.normal @ T
+        # Of a model that breaks down they are no numbers, nor is its cost.
+        with np.errstate(invalid="ignore", over="ignore"):
+            return T.swapaxes(1, 2) @ self.seen.normal @ T
 
     @property
     def _squares(self) -> np.ndarray:

@@ -270,6 +270,7 @@ def test_a_row_of_zeros_is_said():
     # What no verdict can do without, and nothing more once the time is over.
     assert stages == [
         "refitting the joints",
+        "the time for the search is over: what it has found so far is polished",
         "polishing to the free run",
         "predicting the held-out recordings",
     ]
