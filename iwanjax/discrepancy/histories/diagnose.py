@@ -158,7 +158,7 @@ def diagnose_histories(
     )
     table = selection.run(now.problem, scope, seed)
     complete, scope = scope.in_time(), replace(scope, in_time=in_time)
-    if not complete:
+    if not complete and scope.in_time():
         progress("the time for the search is over: what it has found so far is polished")
     failures = list(table.failures)
     now, table = attempted(

@@ -5,6 +5,7 @@ The cases come from the generator in tests/concealed, which shares nothing with 
 
 import json
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import StudyRecording, diagnose_histories
+from iwanjax.discrepancy.histories import diagnose
 
 # Chains of two masses: one set of kernels serves them all.
 NOTHING, FRICTION, RATE = 2, 94, 2048
@@ -270,12 +272,35 @@ def test_a_row_of_zeros_is_said():
     # What no verdict can do without, and nothing more once the time is over.
     assert stages == [
         "refitting the joints",
-        "the time for the search is over: what it has found so far is polished",
         "polishing to the free run",
         "predicting the held-out recordings",
     ]
     assert any("nowhere is zero" in line for line in found.warnings)
     assert any("held out" in line for line in found.warnings)
+
+
+def test_the_search_leaves_time_to_polish(monkeypatch):
+    """By a clock that says three quarters of the time are over after the joints' refit."""
+    recording = StudyRecording("rec", RNG.standard_normal((400, 2)), RNG.standard_normal((400, 2)))
+    given = {"rows": ROWS, "sensors": SENSORS, "inputs": INPUTS, "hypotheses": ("cubic_stiffness",)}
+    stages: list[str] = []
+
+    def clock() -> float:
+        return 75.0 if "screening kinds and places" in stages else 0.0
+
+    monkeypatch.setattr(diagnose, "time", SimpleNamespace(perf_counter=clock))
+    found = diagnose_histories(
+        structure(), [recording], 1024.0, **given, budget=100.0, progress=stages.append
+    )
+    assert "refitting suspects" not in stages
+    assert "the time for the search is over: what it has found so far is polished" in stages
+    assert not found.complete
+    stages.clear()
+    found = diagnose_histories(
+        structure(), [recording], 1024.0, **given, budget=200.0, progress=stages.append
+    )
+    assert not any("time for the search" in line for line in stages)
+    assert found.complete
 
 
 def test_a_study_without_recordings_is_refused(tmp_path):
