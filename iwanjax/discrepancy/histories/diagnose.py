@@ -154,6 +154,7 @@ def diagnose_histories(
         tuple(structure.labels),
         lambda: in_time(known.searched),
         progress,
+        in_time,
         tuple(inputs),
     )
     table = selection.run(now.problem, scope, seed)

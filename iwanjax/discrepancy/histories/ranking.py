@@ -38,6 +38,8 @@ class Scope:
         False when it is time to stop.
     progress : function
         Told of every stage.
+    in_time_to_finish : function
+        False when no time is left even for what a search that was stopped has found.
     inputs : tuple of str
         Labels of the measured forces.
     excluded : frozenset of str
@@ -50,6 +52,7 @@ class Scope:
     joints: tuple[str, ...]
     in_time: Callable[[], bool]
     progress: Callable[[str], None]
+    in_time_to_finish: Callable[[], bool] = lambda: True
     inputs: tuple[str, ...] = ()
     excluded: frozenset[str] = frozenset()
 

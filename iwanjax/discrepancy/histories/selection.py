@@ -32,6 +32,7 @@ from iwanjax.discrepancy.histories.ranking import (
     missing,
     placed,
     ranked,
+    refitted,
     scored,
     settled,
 )
@@ -140,7 +141,8 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     tested = [places_of(each) for each in both if each]
     places = max(tested, key=lambda each: each[0].reduction, default=())
     if not scope.in_time():
-        return ModelSelection(False, RankedFit(problem, nominal), (), scores, places)
+        screened = [c.start for c in candidates if c.drop > 0.0]
+        return _stopped(problem, nominal, screened, scope)._replace(scores=scores, places=places)
     scope.progress("refitting suspects")
     shorts = first_fits(problem, nominal, both, scope)
     explained = bool(shorts) and shorts[0].fitted.cost < FAR * left_by_noise(problem)
@@ -150,8 +152,8 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         # Beside one that explains all, a longer memory brings nobody back from so far behind.
         near = [e for e in near if e.behind > shorts[0].behind - known.hope]
     if not scope.in_time():
-        # With a shorter memory than the nominal model's they cannot be held against it.
-        return ModelSelection(False, RankedFit(problem, nominal), (), scores, places)
+        rough = [e.fitted.start for e in near]
+        return _stopped(problem, nominal, rough, scope)._replace(scores=scores, places=places)
     entries = again(near, shorts[len(near) :], TIME_CONSTANT, scope)
     if least(nominal, entries).cost > FAR * left_by_noise(problem):
         likely = [c for each in both for c in where_something_acts(each)]
@@ -251,6 +253,27 @@ def _moved(entries: Sequence[RankedFit], problem: HistoryProblem) -> list[Ranked
     moved = {id(e.problem): e.problem.with_steps_of(problem) for e in entries}
     moved[id(entries[0].problem)] = problem
     return [replace(e, problem=moved[id(e.problem)]) for e in entries]
+
+
+def _stopped(
+    problem: HistoryProblem, nominal: HypothesisFit, starts: Sequence[Start], scope: Scope
+) -> ModelSelection:
+    """The most promising suspects of a search that has no time left, against the nominal model.
+
+    They have been fitted with a shorter memory than that one or not at all, and so cannot be held
+    against it as they are.
+    """
+    first = {start.hypothesis.variant: start for start in reversed(starts)}
+    few = list(reversed(first.values()))[: problem.settings.selection.finalists]
+    base = RankedFit(problem, nominal)
+    if not few or not scope.in_time_to_finish():
+        return ModelSelection(False, base, (), ())
+    scope.progress("refitting the most promising suspects only")
+    within = replace(scope, in_time=scope.in_time_to_finish)
+    fits = refitted(problem, few, TIME_CONSTANT, math.inf, within)
+    base, entries = ranked(base, placed([RankedFit(problem, fit) for fit in fits]))
+    found = bool(entries) and missing(base, entries[0])
+    return ModelSelection(found, base, tuple(entries), ())
 
 
 def restart_wanted(

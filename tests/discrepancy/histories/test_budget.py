@@ -14,24 +14,20 @@ from iwanjax.discrepancy.histories.selection import ModelSelection
 STAGES = ("nominal_fit", "scored", "first_fits", "again")
 
 
-def scope(stages: int, seen: list[str]) -> Scope:
-    """Time for so many stages."""
-    return Scope((), (), (), (), lambda: len(seen) < stages, lambda line: None)
+def scope(stages: int, seen: list[str], to_finish: bool = False) -> Scope:
+    """Time for so many stages, and to finish."""
+    return Scope((), (), (), (), lambda: len(seen) < stages, lambda line: None, lambda: to_finish)
 
 
-@pytest.mark.parametrize("stages", [1, 2, 3])
-def test_no_stage_begins_when_the_time_is_over(monkeypatch, stages):
+@pytest.fixture
+def seen(monkeypatch):
+    """Stages of a search whose one suspect explains nearly all."""
     seen: list[str] = []
+    suspect = entry(1.0, "mass_error@a", time_constant=2.0)
     candidate = SimpleNamespace(
-        drop=0.9,
-        start=SimpleNamespace(hypothesis=entry(1.0, "mass_error@a").fitted.hypothesis),
-        place=PlaceEvidence("a", 1.0, 0.9, 1, 50.0),
+        drop=0.9, start=suspect.fitted.start, place=PlaceEvidence("a", 1.0, 0.9, 1, 50.0)
     )
-    results = {
-        "nominal_fit": entry(9.0).fitted,
-        "scored": [candidate],
-        "first_fits": [entry(1.0, "mass_error@a", time_constant=2.0)],
-    }
+    results = {"nominal_fit": entry(9.0).fitted, "scored": [candidate], "first_fits": [suspect]}
 
     def stage(name):
         def run(*args, **options):
@@ -42,10 +38,32 @@ def test_no_stage_begins_when_the_time_is_over(monkeypatch, stages):
 
     for name in STAGES:
         monkeypatch.setattr(selection, name, stage(name))
+    return seen
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3])
+def test_no_stage_begins_when_the_time_is_over(seen, stages):
     found = selection.run(SEARCH, scope(stages, seen), 0)
     assert tuple(seen) == STAGES[:stages]
     assert not found.detected
     assert len(found.scores) == (stages > 1)
+
+
+@pytest.mark.parametrize("stages", [2, 3])
+def test_a_search_that_is_stopped_shows_its_suspects(monkeypatch, seen, stages):
+    """Fitted with the memory that the model without them was."""
+
+    def refitted(problem, starts, time_constant, best, within):
+        assert within.in_time()
+        (start,) = starts
+        return [entry(1.0, start.hypothesis.label, time_constant=time_constant).fitted]
+
+    monkeypatch.setattr(selection, "refitted", refitted)
+    found = selection.run(SEARCH, scope(stages, seen, to_finish=True), 0)
+    assert tuple(seen) == STAGES[:stages]
+    assert found.detected
+    assert found.best.fitted.hypothesis.label == "mass_error@a"
+    assert len(found.scores) == len(found.places) == 1
 
 
 def test_nothing_is_polished_when_the_time_is_over(monkeypatch):

@@ -62,6 +62,7 @@ def entry(cost: float, *parts: str, time_constant: float = TIME_CONSTANT) -> Ran
         parts=np.zeros((2, 2, 2)),
         scores=np.zeros((2, 2)),
         time_constant=time_constant,
+        start=SimpleNamespace(hypothesis=hypothesis),
     )
     return RankedFit(SEARCH, fitted)
 
