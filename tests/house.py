@@ -102,8 +102,9 @@ def _tree(text: str) -> ast.Module:
     return ast.parse(text)
 
 
-def _walk(text: str) -> Iterator[ast.AST]:
-    return ast.walk(_tree(text))
+@cache
+def _walk(text: str) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(_tree(text)))
 
 
 def room_of(module: Path) -> str:
@@ -289,14 +290,23 @@ def never_imported(root: Path = ROOT) -> list[str]:
         *project["dependencies"],
         *(each for name, some in extras.items() if name not in _TOOLS for each in some),
     ]
-    used: set[str] = set()
+    names = [re.split(r"[\[<>=!~ ;]", each)[0].lower() for each in declared]
+    wanted = {name: _IMPORTED_AS.get(name, name.replace("-", "_")) for name in names}
+    unseen = set(wanted.values())
+    for text in _code(root):
+        # To parse every source takes longer than all counts together.
+        if any(module in text for module in unseen):
+            unseen -= imported(text)
+    return [name for name, module in wanted.items() if module in unseen]
+
+
+def _code(root: Path) -> Iterator[str]:
+    """Every source, test and notebook."""
     for folder in ("iwanjax", "tests"):
         for path in (root / folder).rglob("*.py"):
-            used |= imported(path.read_text(encoding="utf-8"))
+            yield path.read_text(encoding="utf-8")
     for path in (root / "notebooks").glob("*.ipynb"):
-        used |= imported(_notebook(path))
-    names = [re.split(r"[\[<>=!~ ;]", each)[0].lower() for each in declared]
-    return [n for n in names if _IMPORTED_AS.get(n, n.replace("-", "_")) not in used]
+        yield _notebook(path)
 
 
 def rooms(modules: dict[Path, str]) -> dict[str, Room]:
