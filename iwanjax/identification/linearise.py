@@ -54,7 +54,9 @@ def linearise(
     threads = min(available_threads(), values)
     threads, size = within_memory(problem, threads, math.ceil(values / threads))
     count = math.ceil(values / size)
-    # All parts are of one size, for one kernel.
+    # All parts are of one size, for one kernel: the least that so many need, for what is beyond
+    # the last derivative costs as much as a derivative.
+    size = math.ceil(values / count)
     ways = np.eye(count * size, values)
     turned = np.zeros((len(points), len(ways), *gains.gain.shape[1:]))
     turned[:, : gains.slope.shape[1]] = gains.slope
