@@ -1,5 +1,6 @@
 """What grows with the samples is held a part at a time, and the results are the same."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ from struck_mass import searching, struck
 
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT
 from iwanjax.discrepancy.histories.score_test import score_test
+from iwanjax.identification import kernels
+from iwanjax.identification import linearise as linearising
 from iwanjax.identification.columns import by_memory
 from iwanjax.identification.linearise import linearise, within_memory
 from iwanjax.identification.multistart import multistart
@@ -37,6 +40,24 @@ def test_one_direction_at_a_time_and_no_derivatives_kept(problems):
         assert other.slopes is None
         for a, b in zip(one[:4], other[:4], strict=True):
             assert_allclose(b, a, rtol=1e-9, atol=1e-12 * np.max(np.abs(a)))
+
+
+def test_parts_of_the_derivatives_are_no_larger_than_so_many_need(problems, monkeypatch):
+    enough, _, _ = problems
+    points = [(enough.nothing(), enough.still(enough.map.given()))]
+    values = points[0][1].shape[1]
+    seen = []
+
+    def slopes(*given):
+        seen.append(len(given[4]))
+        return kernels_slopes(*given)
+
+    kernels_slopes = kernels.slopes
+    monkeypatch.setattr(kernels, "slopes", slopes)
+    # Room for all but one of them at once.
+    monkeypatch.setattr(linearising, "within_memory", lambda *_: (1, values - 1))
+    linearise(enough, points, TIME_CONSTANT)
+    assert seen == [math.ceil(values / 2)] * 2
 
 
 def test_a_search_that_keeps_no_derivatives_ends_in_the_same_place(problems):
