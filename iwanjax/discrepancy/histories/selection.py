@@ -271,7 +271,10 @@ def _stopped(
     scope.progress("refitting the most promising suspects only")
     within = replace(scope, in_time=scope.in_time_to_finish)
     fits = refitted(problem, few, TIME_CONSTANT, math.inf, within)
-    base, entries = ranked(base, placed([RankedFit(problem, fit) for fit in fits]))
+    entries = placed([RankedFit(problem, fit) for fit in fits])
+    # As in a whole search: a local minimum of the joints would be a false alarm.
+    base = RankedFit(problem, renominated(problem, nominal, entries, within))
+    base, entries = ranked(base, entries)
     found = bool(entries) and missing(base, entries[0])
     return ModelSelection(found, base, tuple(entries), ())
 

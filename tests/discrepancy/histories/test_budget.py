@@ -59,11 +59,29 @@ def test_a_search_that_is_stopped_shows_its_suspects(monkeypatch, seen, stages):
         return [entry(1.0, start.hypothesis.label, time_constant=time_constant).fitted]
 
     monkeypatch.setattr(selection, "refitted", refitted)
+    monkeypatch.setattr(selection, "renominated", lambda _, nominal, *more: nominal)
     found = selection.run(SEARCH, scope(stages, seen, to_finish=True), 0)
     assert tuple(seen) == STAGES[:stages]
     assert found.detected
     assert found.best.fitted.hypothesis.label == "mass_error@a"
     assert len(found.scores) == len(found.places) == 1
+
+
+def test_better_joints_are_no_suspect_of_a_search_that_is_stopped(monkeypatch, seen):
+    """The model without suspects is fitted from where the suspects' joints ended, too."""
+
+    def refitted(problem, starts, *_):
+        return [entry(1.0, start.hypothesis.label).fitted for start in starts]
+
+    def renominated(problem, nominal, entries, within):
+        assert [e.fitted.hypothesis.label for e in entries] == ["mass_error@a"]
+        return entry(1.0).fitted
+
+    monkeypatch.setattr(selection, "refitted", refitted)
+    monkeypatch.setattr(selection, "renominated", renominated)
+    found = selection.run(SEARCH, scope(3, seen, to_finish=True), 0)
+    assert not found.detected
+    assert found.nominal.fitted.cost == entry(1.0).fitted.cost
 
 
 def test_nothing_is_polished_when_the_time_is_over(monkeypatch):
