@@ -19,7 +19,7 @@ from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.predictor import Data, Predictor
 from iwanjax.identification.suspects import Suspects, Values, sizes_of
 from iwanjax.joints import AbstractJoint, PlaceMotion, Reaction
-from iwanjax.structures.small import solve_general
+from iwanjax.structures.small import Turned, solve_general, through, turned
 
 # Of a deflection: a smaller change of it says nothing of a stiffness; nor does one whose square,
 # by which a derivative divides, is no number any more (after 1400 silent cycles, say).
@@ -105,6 +105,7 @@ def _run(
     kick = data.unsure @ values.state
     # A sensor that this recording lacks corrects nothing.
     there = jnp.any(data.weight > 0, axis=0)
+    corrects = turned(gain)
 
     def step(at: _State, felt: Array) -> tuple[_State, Any]:
         at, motion = run.step(at, felt)
@@ -118,7 +119,7 @@ def _run(
         at = at._replace(z=at.z + kicked * kick)
         shown, chain = run.chained(run.seen(at, push), at.chain)
         e = jnp.where(there, y - shown, 0.0)
-        return at._replace(z=at.z + gain @ e, chain=chain), (e, motion)
+        return at._replace(z=at.z + through(corrects, e), chain=chain), (e, motion)
 
     measured = (data.push[:, -1], run.felt, data.response, data.kick)
     return jax.lax.scan(sample, run.rest(), measured)[1]
@@ -151,15 +152,16 @@ class _Run(NamedTuple):
     size: Array
     shape: Array
     elements: Joints
-    onward: Array
+    onward: Turned
     felt: Array
     compliance: Array
     mobility: Array
+    ends: Turned
     inertance: Array
     inertia: Array
     spread: Array
     faults: tuple[Any, ...]
-    observe: Array
+    observe: Turned
 
     @classmethod
     def of(
@@ -215,6 +217,7 @@ class _Run(NamedTuple):
         at_once = jnp.concatenate([flexibility, nil, inertance]) @ expected
         size = sizes_of(suspects, values.suspects)
         shape = jnp.exp(jnp.clip(values.suspects[:, 1], -80.0, 80.0))
+        compliance, mobility, n = rows @ q_late + flexibility, rows @ v_late, len(joints)
         inertial = np.array([float(kind.inertial) for kind in predictor.kinds])
         pushed = predictor.parts(push)
         # What has inertia feels the absolute acceleration, though places see the relative motion.
@@ -233,20 +236,21 @@ class _Run(NamedTuple):
             size,
             shape,
             elements,
-            jnp.concatenate([modes, expected, watch @ modes + at_once]),
+            turned(jnp.concatenate([modes, expected, watch @ modes + at_once])),
             jnp.concatenate(
                 [pushed.state, jnp.zeros((*push.shape[:-1], m)), pushed.state @ watch.T + felt],
                 axis=-1,
             ),
-            rows @ q_late + flexibility,
-            rows @ v_late,
+            compliance,
+            mobility,
+            turned(jnp.concatenate([compliance[:n, :n], mobility[:n, :n]])),
             inertance,
             size
             * (suspects.force @ inertial)
             * jnp.diagonal(inertance[:, len(predictor.joints) :]),
             jnp.concatenate([one, nil, nil, one]),
             _set_up(predictor, suspects, size),
-            predictor.observation(rows, jnp.concatenate([q_late, v_late])),
+            turned(predictor.observation(rows, jnp.concatenate([q_late, v_late]))),
         )
 
     def rest(self) -> _State:
@@ -266,7 +270,7 @@ class _Run(NamedTuple):
     def step(self, at: _State, felt: Array) -> tuple[_State, PlaceMotion]:
         """Over one step, with what the measured force does over it; and what places do."""
         r, m = self.by.kept, self.mobility.shape[0]
-        new = self.onward @ jnp.concatenate([at.z, at.g]) + felt
+        new = through(self.onward, jnp.concatenate([at.z, at.g])) + felt
         z, expected, d, rate, a = jnp.split(new, np.cumsum([2 * r, m, m, m]))
         n = self.by.joints.shape[0]
         motion = PlaceMotion(d[n:], rate[n:], a, d[n:] - at.d[n:], self.by.dt)
@@ -294,8 +298,8 @@ class _Run(NamedTuple):
         last = self.spread @ jnp.concatenate([e, late])
         # What remembers too early an end turns back from it: at strong slip that would build up.
         late = last[3 * m : 3 * m + n]
-        ends = self.compliance[:n, :n] @ late, self.mobility[:n, :n] @ late
-        joints = self.elements.settled(reaction.state, *ends, stiffness)
+        end, rate = jnp.split(through(self.ends, late), 2)
+        joints = self.elements.settled(reaction.state, end, rate, stiffness)
         return last, joints, memory
 
     def _suspected(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
@@ -333,7 +337,7 @@ class _Run(NamedTuple):
         does not count. What depends on the rate keeps its tangent.
         """
         n, m = self.by.joints.shape[0], self.mobility.shape[0]
-        last = at.d[:n] + self.compliance[:n, :n] @ at.g[3 * m : 3 * m + n]
+        last = at.d[:n] + through(self.ends, at.g[3 * m : 3 * m + n])[:n]
         moved, risen = d - last, reaction.force - self.by.stiffness * last + at.g[:n]
         least = jnp.maximum(_STILL * jnp.abs(d), _NOTHING)
         known = (jnp.abs(moved) > least) & ~self.elements.by_rate
@@ -347,7 +351,7 @@ class _Run(NamedTuple):
         """What faultless sensors show."""
         m = self.mobility.shape[0]
         forces = jnp.concatenate([at.g[:m], at.g[3 * m :]])
-        shown = self.observe @ jnp.concatenate([at.z, forces])
+        shown = through(self.observe, jnp.concatenate([at.z, forces]))
         return shown + self.by.at_once(push, jnp)
 
     def chained(self, shown: Array, chain: tuple[Any, ...]) -> tuple[Array, tuple[Any, ...]]:
