@@ -307,6 +307,8 @@ def _start(
                 own, made = hypotheses.with_stiction(base, kind, j, where, (1.0 - share,), common)
             elif kind.law is not None:
                 joint = _joint(entry)
+                if values and not _allowed(joint, values):
+                    return None
                 guess = type(joint)(*values) if values else hypotheses.weakened(joint, share)
                 own, made = hypotheses.with_law(base, kind, places[where], [guess], [common])
             else:
@@ -318,6 +320,12 @@ def _start(
                 own, made = hypotheses.with_joint(base, kind, places[where], [guess])
             z = np.tile(made[0].theta[: own.parameters], (len(z), 1))
     return own, Start(hypothesis, np.hstack([z, np.tile(slots, (len(z), 1)), states]))
+
+
+def _allowed(joint: AbstractJoint, values: Values) -> bool:
+    """Whether a law's formulas hold for these parameters: no mass is negative."""
+    bounds = zip(joint.parameters, values, strict=True)
+    return all(info.contains(np.asarray(value)) for info, value in bounds)
 
 
 def _parameters(

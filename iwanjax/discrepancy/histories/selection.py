@@ -198,8 +198,12 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         entries = distinct([*entries, *pairs])
     base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
-        base, entries = ranked(base, with_nested_laws(problem, entries, scope))
-    base, entries = ranked(base, none_worse(base, entries, scope))
+        simpler = partial(with_nested_laws, problem, entries, scope)
+        entries = attempted("refitting simpler kinds", simpler, entries, failures)
+        base, entries = ranked(base, entries)
+    within = partial(none_worse, base, entries, scope)
+    entries = attempted("refitting laws from what they contain", within, entries, failures)
+    base, entries = ranked(base, entries)
     found = bool(entries) and missing(base, entries[0])
     return ModelSelection(found, base, tuple(entries), scores, places, general, tuple(failures))
 

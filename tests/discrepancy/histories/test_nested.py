@@ -185,15 +185,23 @@ def test_a_law_is_begun_where_it_predicts_what_one_that_it_contains_does(searche
     assert fitted.cost == pytest.approx(small.fitted.cost, rel=0.1)
 
 
-def test_what_has_another_sign_or_place_or_is_no_limit_is_not_contained(searched):
+@pytest.mark.parametrize(
+    ("whole", "part"),
+    [("viscoelastic", "stiffness_error"), ("attached_oscillator", "mass_error")],
+)
+def test_what_has_another_sign_is_not_contained(searched, whole, part):
     problem, scope = searched
-    large, small = begun(searched, "viscoelastic"), begun(searched, "stiffness_error")
-    softer = small.fitted.theta.copy()
-    softer[:, 4] = -1.0
-    solution = replace(small.fitted.solution, values=softer)
-    softer = replace(small, fitted=replace(small.fitted, solution=solution))
+    large, small = begun(searched, whole), begun(searched, part)
+    less = small.fitted.theta.copy()
+    less[:, 4] = -1.0
+    solution = replace(small.fitted.solution, values=less)
+    less = replace(small, fitted=replace(small.fitted, solution=solution))
     assert widened(large, small, scope, problem)
-    assert not widened(large, softer, scope, problem)
+    assert not widened(large, less, scope, problem)
+
+
+def test_what_is_at_another_place_or_is_no_limit_is_not_contained(searched):
+    problem, _ = searched
     hypotheses = {
         name: begun(searched, name).fitted.hypothesis
         for name in ("stiffness_error", "viscoelastic", "gap_contact", "sensor_polarity")
