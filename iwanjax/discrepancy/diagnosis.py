@@ -209,9 +209,15 @@ class Diagnosis(AbstractResult):
 
     def _undecided(self) -> list[str]:
         off = (
-            f"With its joints refitted the model is {share(self._of(self.before))} off on the "
-            f"{self._which} recordings; noise alone would leave {self._floor()}"
+            f"the model is {share(self._of(self.before))} off on the {self._which} recordings; "
+            f"noise alone would leave {self._floor()}"
         )
+        if self.verdict.untold:
+            return [
+                "Undecided: the time given was over before the model's own joints were fitted",
+                f"So far {off}",
+            ]
+        off = f"With its joints refitted {off}"
         if not self.detected:
             return [
                 "Undecided: these recordings do not tell whether anything is missing "

@@ -94,6 +94,11 @@ class Verdict:
         """Whether what is missing has a name."""
         return self.name == "something_missing"
 
+    @property
+    def untold(self) -> bool:
+        """Whether nothing and something were left as likely as each other (:func:`stopped`)."""
+        return self.nothing == self.something_else
+
 
 def judged(
     nothing: float, candidates: Sequence[float], before: Misfit, after: Misfit | None = None
@@ -159,6 +164,24 @@ def judged(
         named,
         before.largest,
     )
+
+
+def stopped(verdict: Verdict, fitted: bool) -> Verdict:
+    """The verdict of a search that had no time for any suspect.
+
+    Where the joints of the model without suspects were still being fitted, a misfit does not tell
+    what is missing from it from what they will take away; that there is none says as much as ever.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        By the misfit as it stands.
+    fitted : bool
+        Whether the search of the model's own joints had ended.
+    """
+    if fitted or not verdict.detected:
+        return verdict
+    return Verdict("undecided", True, 0.5, 0.5, (), verdict.misfit)
 
 
 def beside_general_law(verdict: Verdict, named: Misfit, general: Misfit) -> Verdict:

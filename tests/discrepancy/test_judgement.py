@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iwanjax.discrepancy.judgement import Misfit, Verdict, judged, together, worse
+from iwanjax.discrepancy.judgement import Misfit, Verdict, judged, stopped, together, worse
 from iwanjax.errors import InputError
 
 EVIDENCE = st.floats(-1e6, 1e6)
@@ -226,3 +226,17 @@ def test_nothing_missing_is_refused_far_from_the_noise():
 )
 def test_a_correction_that_predicts_worse_is_refused(before, after, refused):
     assert worse(before, after, 0.0105) == refused
+
+
+@given(st.floats(1.0, 100.0), st.booleans())
+def test_a_search_that_is_stopped_early_tells_no_more_than_that_all_is_well(misfit, fitted):
+    by_misfit = judged(0.0, [], Misfit(misfit, math.nan))
+    verdict = stopped(by_misfit, fitted)
+    if fitted or not by_misfit.detected:
+        assert verdict is by_misfit
+    else:
+        assert verdict.name == "undecided"
+        assert verdict.untold
+        assert verdict.nothing == 0.5
+        # That the misfit is well above the noise is said all the same.
+        assert verdict.detected

@@ -39,7 +39,7 @@ from iwanjax.discrepancy.histories.validation import (
     misfit,
     unforeseen,
 )
-from iwanjax.discrepancy.judgement import judged
+from iwanjax.discrepancy.judgement import judged, stopped
 from iwanjax.errors import attempted
 from iwanjax.estimation.evidence import LEAST_GAIN
 from iwanjax.identification.estimates import estimates
@@ -188,6 +188,8 @@ def diagnose_histories(
         misfit(before, min(before, after, key=lambda run: run[0].relative), allowed),
         misfit(after, after, allowed),
     )
+    fitted = complete or bool(table.entries) or table.nominal.fitted.converged
+    verdict = stopped(verdict, fitted)
     what = _suspects(table, verdict.named) if table.detected and verdict.detected else []
     after = after if what else before
     shown = table.best if what else table.nominal
@@ -249,8 +251,9 @@ def diagnose_histories(
     modes = [f"mode {i - rigid + 1}" for i in range(problem.predictor.kept)]
     warnings += beyond_trust(shown.problem, shown.fitted, modes)
     unknown = 1.0 - beyond.probability if beyond else verdict.something_else
-    warnings += left_over(after[0], bool(what), unknown, tuple(sensors))
-    warnings += unforeseen(after[1]) if after[1] else []
+    if fitted:
+        warnings += left_over(after[0], bool(what), unknown, tuple(sensors))
+        warnings += unforeseen(after[1]) if after[1] else []
     indistinguishable = alike(what) if what else ()
     if what and beyond is None:
         indistinguishable += containing(table.best, table.entries)
