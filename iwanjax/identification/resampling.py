@@ -185,6 +185,11 @@ def at_rate(
     response[:, ~recording.measured] = np.nan
     force = recording.force
     if force is not None:
+        clean = cleaned(force.astype(float))
+        # Of a hit that is cut off with the beginning its noise alone would be left, and drive the
+        # model as a force that never ends.
+        cut_off = not clean.endless and 0 < clean.last <= begin
+        force = clean.clean if cut_off else force
         force = filtered(force, "constant" if at_rest else before)[kept]
     noise = noise_of(known).where(~np.isnan(given), as_given(given))
     noise = noise.times(math.sqrt(new / rate))

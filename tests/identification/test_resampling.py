@@ -9,7 +9,7 @@ import scipy.linalg
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iwanjax.identification.initial_state import initial_state
-from iwanjax.identification.recordings import StudyRecording
+from iwanjax.identification.recordings import StudyRecording, cleaned
 from iwanjax.identification.resampling import at_one_rate, at_rate, working_rate
 
 RATE, FINE, SECONDS = 1024.0, 40.0 * 1024.0, 1.0
@@ -74,6 +74,16 @@ def test_a_recording_that_moves_at_first_loses_what_the_filter_cannot_know():
         measured(RATE).response[150 + 24 :][: len(found.response), 0],
         atol=2e-4 * np.max(np.abs(whole.response)),
     )
+
+
+def test_the_noise_of_a_hit_that_is_cut_off_is_no_force():
+    """It was taken for a shaker's, and drove the model."""
+    whole = measured(4 * RATE)
+    noisy = whole.force[400:] + 1e-3 * RNG.standard_normal((len(whole.force) - 400, 1))
+    found = at_rate(StudyRecording("cut", whole.response[400:], noisy), 4 * RATE, RATE, UNKNOWN)
+    assert found.initial == "unknown"
+    assert_array_equal(found.force[50:], 0.0)
+    assert not cleaned(found.force).endless
 
 
 def test_a_decay_has_no_force_afterwards_either():
