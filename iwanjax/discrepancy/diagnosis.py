@@ -212,7 +212,7 @@ class Diagnosis(AbstractResult):
             f"the model is {share(self._of(self.before))} off on the {self._which} recordings; "
             f"noise alone would leave {self._floor()}"
         )
-        if self.verdict.untold:
+        if self.verdict.untold and not self.complete:
             return [
                 "Undecided: the time given was over before the model's own joints were fitted",
                 f"So far {off}",

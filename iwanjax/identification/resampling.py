@@ -173,9 +173,11 @@ def at_rate(
         wide = np.vstack([wide, np.pad(x, [(0, 2 * span), (0, 0)], after)[len(x) :]])
         return resample_poly(wide, up, down, axis=0, window=taps / taps.sum())
 
+    force = recording.force
+    clean = None if force is None else cleaned(force.astype(float))
     begin = 0 if at_rest or periodic else span
-    if at_rest and recording.force is not None:
-        begin = min(0, cleaned(recording.force.astype(float)).first - span)
+    if at_rest and clean is not None:
+        begin = min(0, clean.first - span)
     end = len(recording.response) - (0 if periodic else span)
     # Places of the new samples among the old ones.
     first, last = (math.ceil((beyond + n) * up / down) for n in (begin, end))
@@ -183,9 +185,7 @@ def at_rate(
     before = "wrap" if periodic else "edge"
     response = filtered(np.where(recording.measured, recording.response, 0.0), before)
     response[:, ~recording.measured] = np.nan
-    force = recording.force
-    if force is not None:
-        clean = cleaned(force.astype(float))
+    if force is not None and clean is not None:
         # Of a hit that is cut off with the beginning its noise alone would be left, and drive the
         # model as a force that never ends.
         cut_off = not clean.endless and 0 < clean.last <= begin
