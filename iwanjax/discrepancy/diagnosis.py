@@ -152,6 +152,16 @@ class Diagnosis(AbstractResult):
         return self.verdict.something_else
 
     @property
+    def stopped_early(self) -> bool:
+        """Whether the time given was over before the model's own joints were fitted."""
+        return self.verdict.untold and not self.complete
+
+    @property
+    def baseline(self) -> str:
+        """What the model before is, in the words of tables and legends."""
+        return "joints not yet refitted" if self.stopped_early else "joints refitted"
+
+    @property
     def by_recording(self) -> Mapping[str, tuple[float, float]]:
         """Relative errors of each recording before and after."""
         before, after = (run.by_recording() for run in self.runs)
@@ -212,7 +222,7 @@ class Diagnosis(AbstractResult):
             f"the model is {share(self._of(self.before))} off on the {self._which} recordings; "
             f"noise alone would leave {self._floor()}"
         )
-        if self.verdict.untold and not self.complete:
+        if self.stopped_early:
             return [
                 "Undecided: the time given was over before the model's own joints were fitted",
                 f"So far {off}",
@@ -356,7 +366,7 @@ class Diagnosis(AbstractResult):
         errors = [
             (name, share(errors.fit), share(errors.hold_out) if self._held else "")
             for name, errors in (
-                ("joints refitted", self.before),
+                (self.baseline, self.before),
                 *([("with the first of these", self.after)] if self.what else []),
                 ("noise alone", self.noise_floor),
             )

@@ -56,7 +56,7 @@ def plot_diagnosis(diagnosis: Diagnosis) -> Figure:
     errors = panels[0, 0]
     set_up(*panels[0])
     at = np.arange(len(names))
-    errors.semilogy(at, both[:, 0], "o", color=PALETTE[0], label="joints refitted")
+    errors.semilogy(at, both[:, 0], "o", color=PALETTE[0], label=diagnosis.baseline)
     if diagnosis.what:
         errors.semilogy(at, both[:, 1], "s", color=PALETTE[1], label="with what was found")
     usual, high = diagnosis.runs[1].floors(), diagnosis.runs[1].floors_95()
@@ -118,7 +118,7 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
     t = np.arange(len(y)) / diagnosis.sampling_rate
     curves = [
         ("measured", y, "black"),
-        ("joints refitted", y - before.error[i, :, channel], PALETTE[0]),
+        (diagnosis.baseline, y - before.error[i, :, channel], PALETTE[0]),
     ]
     if diagnosis.what:
         curves.append(("with what was found", y - after.error[i, :, channel], PALETTE[1]))

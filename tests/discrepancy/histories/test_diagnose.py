@@ -140,6 +140,9 @@ def test_joints_that_are_still_to_be_fitted_are_not_called_something_missing(tol
     assert told.startswith("Undecided: the time given was over before the model's own joints were")
     for claim in ("omething is missing", "nothing that was tried", "joints refitted"):
         assert claim not in told
+    assert "joints not yet refitted" in found.summary()
+    legend = found.plot().legends[0]
+    assert legend.get_texts()[0].get_text() == "joints not yet refitted"
 
 
 @pytest.mark.parametrize("name", [NOTHING, FRICTION])
