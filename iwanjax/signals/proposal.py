@@ -1,6 +1,8 @@
 """A study to begin with, for a file that was looked into."""
 
+import itertools
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -37,7 +39,7 @@ def history_study(
     peaks: Sequence[float],
     options: dict[str, object],
 ) -> str:
-    """A study of free decays, or of hits with force, of the strongest mode.
+    """A study of free decays, or of hits with force, of the modes that hold the energy.
 
     Parameters
     ----------
@@ -58,10 +60,7 @@ def history_study(
         YAML, which a study file may begin with as it is.
     """
     rate = recording.sampling_rate
-    if peaks and peaks[0] > 0.0:
-        low, high = peaks[0] * (1.0 - REACH), min(peaks[0] * (1.0 + REACH), 0.49 * rate)
-    else:
-        low, high = band_with_energy(recording.channel(channel.name), rate)
+    bands = _bands(recording.channel(channel.name), rate, peaks)
     forced = recording.force is not None and np.any(recording.force)
     known = channel.quantity in _MOTIONS
     lines = [
@@ -72,8 +71,24 @@ def history_study(
         f"      quantity: {channel.quantity if known else f'acceleration{_ASK}'}",
         *([f"      unit: {_quoted(channel.unit)}"] if channel.unit else []),
     ]
-    low = max(low, 2.0 * rate / recording.size)
-    return _study(path, _mode(low, max(high, 1.5 * low)), lines)
+    return _study(path, _modes(bands), lines)
+
+
+def _bands(x: np.ndarray, rate: float, peaks: Sequence[float]) -> list[tuple[float, float]]:
+    """Around every peak that has a share of the energy, halfway to its neighbours at most."""
+    resolution = 2.0 * rate / x.size
+    energy = band_with_energy(x, rate)
+    modes = sorted(
+        f for f in peaks if f > 0.0 and energy[0] - resolution <= f <= energy[1] + resolution
+    )
+    if not modes:
+        low = max(energy[0], resolution)
+        return [(low, max(energy[1], 1.5 * low))]
+    between = [math.sqrt(one * other) for one, other in itertools.pairwise(modes)]
+    return [
+        (max(f * (1.0 - REACH), low, resolution), min(f * (1.0 + REACH), high))
+        for f, low, high in zip(modes, [0.0, *between], [*between, 0.49 * rate], strict=True)
+    ]
 
 
 def curve_study(path: Path, kind: str, frequency: np.ndarray) -> str:
@@ -91,7 +106,7 @@ def curve_study(path: Path, kind: str, frequency: np.ndarray) -> str:
     low, high = float(np.min(frequency)), float(np.max(frequency))
     if low == high:
         low, high = (1.0 - REACH) * low, (1.0 + REACH) * high
-    return _study(path, _mode(low, high), [f"    kind: {kind}"])
+    return _study(path, _modes([(low, high)]), [f"    kind: {kind}"])
 
 
 def loop_study(path: Path, columns: Sequence[str] = ()) -> str:
@@ -106,8 +121,12 @@ def loop_study(path: Path, columns: Sequence[str] = ()) -> str:
     return _study(path, _JOINT, lines)
 
 
-def _mode(low: float, high: float) -> str:
-    return f"  modal:\n    - {{name: mode1, band: [{low:.6g}, {high:.6g}], joint: {{type: iwan4}}}}"
+def _modes(bands: Sequence[tuple[float, float]]) -> str:
+    lines = [
+        f"    - {{name: mode{i}, band: [{low:.6g}, {high:.6g}], joint: {{type: iwan4}}}}"
+        for i, (low, high) in enumerate(bands, 1)
+    ]
+    return "\n".join(["  modal:", *lines])
 
 
 def _study(path: Path, model: str, lines: Sequence[str]) -> str:
