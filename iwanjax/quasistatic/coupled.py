@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -12,18 +13,19 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from iwanjax.errors import InputError
 from iwanjax.joints import AbstractJoint
+from iwanjax.joints.sliders import SliderBank
 from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, as_real, require_double_precision
 
 # Samples per cycle of the fastest mode: sliders are exact between the turns of a motion.
 _SAMPLES = 32
-# Share of the motion that comes before the average, for the sliders to forget the start.
-_SETTLING = 0.2
 _MOST_ROUNDS, _TOLERANCE = 20, 1e-4
 _BATCH = 32
 # Fractional parts of its multiples fill the circle evenly: phases of the modes at the start.
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+# Intervals of a table over thresholds and over the shares of two motions.
+_TABLE = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +245,15 @@ def _coupled(
     )
 
 
+def window_of(steps: int) -> tuple[int, Array]:
+    """How many samples come first, and weights of all, nought for those; they add up to 2."""
+    # So long the sliders forget the start.
+    settling = steps // 4
+    x = (np.arange(steps) + 0.5) / steps
+    window = np.concatenate([np.zeros(settling), np.exp(-1.0 / (x * (1.0 - x)))])
+    return settling, jnp.asarray(2.0 * window / window.sum())
+
+
 def _projections(
     elements: tuple[AbstractJoint, ...],
     stiffness: Array,
@@ -252,10 +263,7 @@ def _projections(
 ) -> Complex[Array, "levels joints modes"]:
     """Twice the average of g exp(-i theta) over the phases, along one long motion."""
     dt = 2.0 * math.pi / (_SAMPLES * jnp.max(omega))
-    settling = round(_SETTLING * options.steps)
-    x = (np.arange(options.steps) + 0.5) / options.steps
-    window = np.concatenate([np.zeros(settling), np.exp(-1.0 / (x * (1.0 - x)))])
-    window = jnp.asarray(2.0 * window / window.sum())
+    settling, window = window_of(options.steps)
     phases = 2.0 * math.pi * ((np.arange(len(options.modes)) * _GOLDEN) % 1.0)
     found = []
     for j, joint in enumerate(elements):
@@ -278,3 +286,84 @@ def _projections(
 
         found.append(jax.vmap(one)(D[:, j], omega))
     return jnp.stack(found, axis=1)
+
+
+class TwoMotionTable(eqx.Module):
+    r"""What two motions at once make of a slider, for any joint that is made of sliders.
+
+    .. math:: d = q\cos\theta + Q\cos\Theta, \qquad
+              R(u, s) = \frac{2}{q} \langle z\, e^{-i\theta} \rangle, \qquad
+              u = \frac{\phi}{q + Q}, \quad s = \frac{Q}{q + Q}
+
+    The stretch z of a slider's spring scales with the motion, so that with thresholds and
+    amplitudes over the stroke q + Q one table serves all parameters, amplitudes and sliders of a
+    pair of frequencies. Averages are taken along one long motion, weighted by a smooth window
+    (Das et al. 2017).
+
+    Attributes
+    ----------
+    harmonic : (2, thresholds, shares) array
+        Real part of R, and minus its imaginary part, on an even grid over [0, 1] x [0, 1).
+    """
+
+    harmonic: Float[Array, "2 thresholds shares"]
+
+    @classmethod
+    def of(cls, omega: ArrayLike, steps: int, samples: int) -> "TwoMotionTable":
+        """Of two motions of circular frequencies omega (2,), rad/s.
+
+        Parameters
+        ----------
+        omega : (2,) array
+            Rad/s.
+        steps, samples : int
+            Of the motion that is averaged over, and of a cycle of the faster one.
+        """
+        return cls(_table(as_real(omega, "TwoMotionTable: omega"), steps, samples))
+
+    def of_sliders(
+        self, bank: SliderBank, q: Float[Array, " N"], other: Float[Array, " N"]
+    ) -> Float[Array, "2 N"]:
+        """Stiffness and loss factor of a bank in the first of two motions, force/length.
+
+        Parameters
+        ----------
+        bank : SliderBank
+            Whose sliders slip at their thresholds (no ``theta``).
+        q, other : (N,) array
+            Amplitudes q and Q of both motions, length.
+        """
+        stroke = (q + other)[:, None]
+        thresholds, shares = (size - 1 for size in self.harmonic.shape[1:])
+        x = jnp.minimum(bank.phi / stroke, 1.0) * thresholds
+        # The last column would be that of a first motion of no size.
+        y = jnp.minimum(other[:, None] / stroke * (shares + 1), shares * jnp.ones(()))
+        i = jnp.minimum(jnp.floor(x), thresholds - 1).astype(int)
+        j = jnp.minimum(jnp.floor(y), shares - 1).astype(int)
+        right, up = x - i, y - j
+        low, high = (
+            self.harmonic[:, i, k] * (1.0 - right) + self.harmonic[:, i + 1, k] * right
+            for k in (j, j + 1)
+        )
+        return jnp.sum(bank.k * (low * (1.0 - up) + high * up), axis=-1)
+
+
+@partial(jax.jit, static_argnums=(1, 2))
+def _table(omega: Array, steps: int, samples: int) -> Float[Array, "2 thresholds shares"]:
+    u = jnp.linspace(0.0, 1.0, _TABLE + 1)[:, None]
+    s = jnp.arange(_TABLE) / _TABLE
+    dt = 2.0 * math.pi / (samples * jnp.max(omega))
+    settling, window = window_of(steps)
+
+    def advance(state, k):
+        stretch, d, total = state
+        theta, Theta = omega[0] * dt * k, omega[1] * dt * k + 2.0 * math.pi * _GOLDEN
+        moved = (1.0 - s) * jnp.cos(theta) + s * jnp.cos(Theta)
+        stretch = jnp.clip(stretch + moved - d, -u, u)
+        turn = jnp.stack([jnp.cos(theta), -jnp.sin(theta)])[:, None, None]
+        return (stretch, moved, total + window[k] * stretch * turn), None
+
+    still = jnp.zeros((_TABLE + 1, _TABLE))
+    start = (still, jnp.zeros(_TABLE), jnp.zeros((2, *still.shape)))
+    steps_of_all = jnp.arange(settling + steps)
+    return jax.lax.scan(advance, start, steps_of_all)[0][2] / (1.0 - s)

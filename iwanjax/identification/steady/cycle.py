@@ -15,6 +15,8 @@ from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.steady.fit import PlacedEffect
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion
+from iwanjax.joints.sliders import SliderBank
+from iwanjax.quasistatic.coupled import TwoMotionTable, window_of
 from iwanjax.quasistatic.modal import Beside, ModalOscillator, about
 from iwanjax.quasistatic.single_harmonic import AbstractCyclic
 from iwanjax.settings.stages import settings
@@ -174,11 +176,7 @@ def moved_by_both(
     """
     element = joint.discrete(sliders)
     dt = 2.0 * math.pi / (samples * jnp.max(omega))
-    # So long the sliders forget the start.
-    settling = steps // 4
-    x = (np.arange(steps) + 0.5) / steps
-    window = np.concatenate([np.zeros(settling), np.exp(-1.0 / (x * (1.0 - x)))])
-    window = jnp.asarray(2.0 * window / window.sum())
+    settling, window = window_of(steps)
     # Of the other motion at the start, of a turn: the golden ratio is no simple share of one.
     phase = 0.5 * (math.sqrt(5.0) - 1.0)
 
@@ -195,8 +193,13 @@ def moved_by_both(
         return jax.lax.scan(advance, start, jnp.arange(settling + steps))[0][1]
 
     both, own = (jax.vmap(average)(q, Q) for Q in (other, jnp.zeros_like(other)))
-    k, loss = ((both - own) / q[:, None]).T * jnp.stack([jnp.ones_like(q), math.pi * q**2])
-    return Beside(jnp.broadcast_to(k, (3, *k.shape)), k, loss)
+    return _changed(q, (both - own).T / q)
+
+
+def _changed(q: Array, harmonic: Float[Array, "2 N"]) -> Beside:
+    """Changes of a stiffness and of a loss factor, as what acts beside an oscillator."""
+    k = harmonic[0]
+    return Beside(jnp.broadcast_to(k, (3, *k.shape)), k, math.pi * q**2 * harmonic[1])
 
 
 class InteractingMode(NamedTuple):
@@ -281,6 +284,8 @@ class ActingMode(AbstractActing):
         Circular frequencies of the mode and of the other, rad/s.
     amplitude : tuple of (levels,) arrays
         As of :class:`InteractingMode`.
+    table : TwoMotionTable
+        For joints that are made of sliders; others are moved along the whole motion.
     steps, samples, sliders : int
         Of the motion that is averaged over, of a cycle of the faster mode, and of the joint.
     """
@@ -288,6 +293,7 @@ class ActingMode(AbstractActing):
     other: Float[Array, " N"]
     omega: Float[Array, " 2"]
     amplitude: tuple[Array, ...]
+    table: TwoMotionTable
     steps: int = eqx.field(static=True)
     samples: int = eqx.field(static=True)
     sliders: int = eqx.field(static=True)
@@ -296,8 +302,17 @@ class ActingMode(AbstractActing):
         self, values: Float[Array, " 1"], oscillator: ModalOscillator, q: Float[Array, " N"]
     ) -> tuple[Beside, float]:
         """What the joint does more while both move."""
-        both = (values[0] * self.other, self.omega, self.steps, self.samples, self.sliders)
-        return moved_by_both(oscillator.joint, q, *both), 0.0
+        joint, other = oscillator.joint, values[0] * self.other
+        bank = joint.discrete(self.sliders)
+        if isinstance(bank, SliderBank) and bank.theta is None:
+            both, own = (self.table.of_sliders(bank, q, Q) for Q in (other, jnp.zeros_like(other)))
+            return _changed(q, both - own), 0.0
+        return moved_by_both(joint, q, other, self.omega, *self.sizes), 0.0
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Of a motion that is worked out by itself."""
+        return self.steps, self.samples, self.sliders
 
     @classmethod
     def of(cls, interacting: InteractingMode, omega: float, curves: int) -> "ActingMode":
@@ -307,7 +322,8 @@ class ActingMode(AbstractActing):
         known = settings().steady
         blocks = math.ceil(known.averaged * known.samples * both.max() / both.min() / _BLOCK)
         steps, other = _BLOCK * blocks, jnp.concatenate(amplitude[:curves])
-        return cls(other, jnp.asarray(both), amplitude, steps, known.samples, known.sliders)
+        table = TwoMotionTable.of(both, steps, known.samples)
+        return cls(other, jnp.asarray(both), amplitude, table, steps, known.samples, known.sliders)
 
     def at(self, effect: PlacedEffect | None, q: Array, which: int, omega: float) -> "ActingMode":
         """While the other mode had the amplitude that it had then."""

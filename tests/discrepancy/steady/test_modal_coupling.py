@@ -1,6 +1,7 @@
 """Two modes on one joint, each taken for an oscillator with a joint of its own."""
 
 import json
+from types import SimpleNamespace
 
 import bolted_chain as chain
 import jax.numpy as jnp
@@ -12,7 +13,7 @@ import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy.steady.diagnose_joint import diagnose_curves
 from iwanjax.errors import InputError
-from iwanjax.identification.steady.cycle import InteractingMode, moved_by_both
+from iwanjax.identification.steady.cycle import ActingMode, InteractingMode, moved_by_both
 from iwanjax.signals import ringdown
 
 # Hits on both modes, the last held out, then such on one: strokes of the joint by each mode.
@@ -116,6 +117,20 @@ def test_another_mode_makes_a_joint_softer():
     assert np.all(np.diff(found.stiffness[1]) < 0.0)
     # Other modes' motion cannot take more stiffness than the whole joint has.
     assert np.all(found.stiffness[1] > -joint.harmonic_stiffness(q))
+
+
+@pytest.mark.parametrize("top", [1.0, 0.3])
+@pytest.mark.parametrize("size", [3.0, 0.2])
+def test_a_table_for_all_joints_does_what_the_motion_of_one_does(top, size):
+    joint = ij.Iwan4(F_S=3.0, K_T=2.0, chi=-0.5, beta=2.0)
+    q = joint.phi_max * jnp.geomspace(top, 0.02, 30)
+    other = size * q * jnp.linspace(1.0, 0.1, 30)
+    acting = ActingMode.of(InteractingMode("mode2", 23.7, (np.asarray(other),)), 20 * np.pi, 1)
+    found, _ = acting.further(jnp.ones(1), SimpleNamespace(joint=joint), q)
+    told = moved_by_both(joint, q, other, acting.omega, *acting.sizes)
+    for name, scale in (("stiffness", 1.0), ("tip", 1.0), ("loss", q**2)):
+        one, another = (getattr(each, name) / scale for each in (found, told))
+        assert np.abs(one - another).max() < 2e-3 * np.abs(another).max()
 
 
 @pytest.mark.long
