@@ -23,6 +23,7 @@ LONG = (
     "08_sumali_beam",
     "09_silverbox",
     "12_a_force_without_a_name",
+    "13_do_two_modes_near_one_to_two_act_on_each_other",
 )
 
 
