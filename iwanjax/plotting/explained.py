@@ -11,8 +11,14 @@ from iwanjax.discrepancy.findings import Prediction
 from iwanjax.discrepancy.steady.runs import CurveRun, ModesRun
 from iwanjax.errors import InputError
 from iwanjax.plotting.curves import DAMPING_LABEL, amplitude_label, frequency_label
-from iwanjax.plotting.fit import plain_ticks
-from iwanjax.plotting.style import DOUBLE_COLUMN, GREY, PALETTE, paper_style, set_up
+from iwanjax.plotting.style import (
+    DOUBLE_COLUMN,
+    GREY,
+    PALETTE,
+    paper_style,
+    plain_ticks,
+    set_up,
+)
 
 _BEFORE, _AFTER, _HELD_OUT = PALETTE[0], PALETTE[1], PALETTE[2]
 # Residual panels reach at least this far, deviations, and grow no further than this.

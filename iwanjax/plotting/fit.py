@@ -7,20 +7,11 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import (
-    LogFormatterSciNotation,
-    LogLocator,
-    MaxNLocator,
-    NullFormatter,
-    ScalarFormatter,
-    StrMethodFormatter,
-)
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
@@ -34,6 +25,7 @@ from iwanjax.plotting.style import (
     SINGLE_COLUMN,
     mark_amplitude,
     paper_style,
+    plain_ticks,
     set_up,
 )
 from iwanjax.quasistatic.modal import ModalOscillator
@@ -49,12 +41,6 @@ MEASURED, MODEL, HELD_OUT = PALETTE[0], PALETTE[1], PALETTE[2]
 _BEYOND = 1.15
 # A landmark this far beyond the measured amplitudes is still shown.
 _NEAR = 2.0
-# Axes that span less than this factor get more labels than one a decade.
-_FEW_DECADES = 100.0
-# Labels at 1, 2 and 5 that such an axis needs, and the most at other round numbers.
-_FEWEST_LABELS, _MOST_LABELS = 2, 4
-# Axes that begin below this have powers of ten.
-_SMALL = 5e-4
 # Damping that spans more than this factor is drawn on a logarithmic axis.
 _WIDE = 3.0
 # More points than these are drawn small, and more still without every bar.
@@ -204,28 +190,6 @@ def set_limits(f: Axes, zeta: Axes, column: Column) -> None:
     f.set_ylim(*_widened(frequency))
     if damping.size:
         zeta.set_ylim(*(np.exp(_widened(np.log(damping))) if wide else _widened(damping)))
-
-
-def plain_ticks(axis: Axis, low: float, high: float) -> None:
-    """Labels at 1, 2 and 5 where a logarithmic axis spans less than two decades.
-
-    Matplotlib's own then run into each other, or there are none. Where fewer than two of these
-    are within, labels at round numbers.
-    """
-    if high >= _FEW_DECADES * low:
-        return
-    whole = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    labelled = np.outer((1.0, 2.0, 5.0), whole)
-    if np.sum((labelled >= low) & (labelled <= high)) < _FEWEST_LABELS:
-        axis.set_major_locator(MaxNLocator(_MOST_LABELS))
-        plain = ScalarFormatter(useMathText=True)
-        plain.set_powerlimits((-3, 4))
-        axis.set_major_formatter(plain)
-    else:
-        powers = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}") if low > _SMALL else powers)
-    axis.set_minor_formatter(NullFormatter())
 
 
 def measured_handles(columns: Sequence[Column]) -> list[Line2D]:

@@ -10,8 +10,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from iwanjax.plotting.curves import DAMPING_LABEL, frequency_label
-from iwanjax.plotting.fit import MEASURED, MODEL, plain_ticks
-from iwanjax.plotting.style import DOUBLE_COLUMN, GREY, paper_style, set_up, with_unit
+from iwanjax.plotting.fit import MEASURED, MODEL
+from iwanjax.plotting.style import (
+    DOUBLE_COLUMN,
+    GREY,
+    paper_style,
+    plain_ticks,
+    set_up,
+    with_unit,
+)
 
 if TYPE_CHECKING:
     from iwanjax.studies.predicted import Comparison, PredictedCurves, PredictedRecording

@@ -26,6 +26,7 @@ from iwanjax.plotting.style import (
     PALETTE,
     amplitude_spectrum,
     paper_style,
+    plain_ticks,
     set_up,
     stacked_panels,
     with_unit,
@@ -202,6 +203,8 @@ def plot_merged(merged: MergedCurves) -> Figure:
     middle.set_ylabel(DAMPING_LABEL)
     lower.set_ylabel("Relative\ndeviation (–)")
     lower.set_xlabel(amplitude_label(merged.curves))
+    plain_ticks(middle.yaxis, *middle.get_ylim())
+    plain_ticks(lower.xaxis, *lower.get_xlim())
     figure.align_ylabels(list(axes))
     figure.legend(
         handles=[

@@ -8,7 +8,16 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import (
+    LogFormatterSciNotation,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    ScalarFormatter,
+    StrMethodFormatter,
+)
 
 from iwanjax.types import ArrayLike
 
@@ -19,6 +28,12 @@ GREY = "0.4"
 SINGLE_COLUMN, DOUBLE_COLUMN = 3.5, 7.2
 """Widths of figures, in."""
 
+# Axes that span less than this factor get more labels than one a decade.
+_FEW_DECADES = 100.0
+# Labels at 1, 2 and 5 that such an axis needs, and the most at other round numbers.
+_FEWEST_LABELS, _MOST_LABELS = 2, 4
+# Axes that begin below this have powers of ten.
+_SMALL = 5e-4
 
 _SETTINGS: dict[Any, Any] = {
     "figure.dpi": 150,
@@ -149,3 +164,25 @@ def mark_amplitude(ax: Axes, x: float, text: str = "", *, rising: bool = False) 
             color=GREY,
             fontsize=7.0,
         )
+
+
+def plain_ticks(axis: Axis, low: float, high: float) -> None:
+    """Labels at 1, 2 and 5 where a logarithmic axis spans less than two decades.
+
+    Matplotlib's own then run into each other, or there are none. Where fewer than two of these
+    are within, labels at round numbers.
+    """
+    if high >= _FEW_DECADES * low:
+        return
+    whole = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    labelled = np.outer((1.0, 2.0, 5.0), whole)
+    if np.sum((labelled >= low) & (labelled <= high)) < _FEWEST_LABELS:
+        axis.set_major_locator(MaxNLocator(_MOST_LABELS))
+        plain = ScalarFormatter(useMathText=True)
+        plain.set_powerlimits((-3, 4))
+        axis.set_major_formatter(plain)
+    else:
+        powers = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}") if low > _SMALL else powers)
+    axis.set_minor_formatter(NullFormatter())

@@ -9,7 +9,7 @@ import pytest
 
 from iwanjax.discrepancy.findings import RestoringForce
 from iwanjax.plotting.diagnosis import plot_diagnosis, plot_restoring
-from iwanjax.plotting.fit import plain_ticks
+from iwanjax.plotting.style import plain_ticks
 
 
 def test_a_rival_far_beyond_what_a_place_needs_does_not_set_the_scale():
@@ -41,7 +41,9 @@ def test_the_first_suspect_is_nought_behind_itself(behind):
     what = [
         SimpleNamespace(kind=kind, where=f"m{i}", log_evidence=-x) for i, x in enumerate(behind)
     ]
-    shown = SimpleNamespace(by_recording={"hit": (0.3, 0.02)}, what=what, runs=(run, run))
+    shown = SimpleNamespace(
+        baseline="joints refitted", by_recording={"hit": (0.3, 0.02)}, what=what, runs=(run, run)
+    )
     figure = plot_diagnosis(shown)
     figure.canvas.draw()
     rivals = figure.axes[1]
