@@ -60,11 +60,14 @@ class StudyData:
         modal: ModalCoordinates,
         known: np.ndarray,
         settings: ConditioningSettings = CONDITIONING,
+        *,
+        held_out: bool = True,
     ) -> "StudyData":
         """All of them for one predictor, the noise of their sensors known.
 
         Those held out are filled up to the length of those to fit, for one kernel; longer ones
-        have kernels of their own, so that no step of a fit runs on through their length.
+        have kernels of their own, so that no step of a fit runs on through their length. Without
+        ``held_out`` those to fit alone, as they are beside the others.
         """
         order = tuple(i for i, each in enumerate(recordings) if each.use == "fit")
         rest = [i for i, each in enumerate(recordings) if each.use == "hold_out"]
@@ -76,6 +79,7 @@ class StudyData:
             length = max([fitted, *(len(each.response) for each in own)])
             return conditioned(own, made, modal, known, length, count, directions, settings)
 
+        rest = rest if held_out else []
         held = [tuple(rest[i : i + count]) for i in range(0, len(rest), count)]
         return cls(taken(order), order, tuple((taken(those), those) for those in held))
 
@@ -211,7 +215,7 @@ class StepRefinement:
         """
         steps, known = now.problem.predictor.substeps, self.settings.steps
         left = 1.0 / (1.0 - 0.5**known.order)
-        finer = problem.with_steps_of(self.with_substeps(2 * steps).problem)
+        finer = self._compared(problem, 2 * steps)
         seen = of_own_motion(problem, finer, hypothesis, theta, same)
         if left * seen.ratio <= 1.0:
             return now
@@ -224,11 +228,26 @@ class StepRefinement:
             if enough <= 2 * steps or 2 * steps >= known.most:
                 break
             steps, problem = 2 * steps, finer
-            finer = problem.with_steps_of(self.with_substeps(2 * steps).problem)
+            finer = self._compared(problem, 2 * steps)
         if enough > known.most:
             left *= (steps / known.most) ** known.order
             return self.with_substeps(known.most).leaving(left * seen.change)
         return now if enough == now.problem.predictor.substeps else self.with_substeps(enough)
+
+    def _compared(self, problem: HistoryProblem, substeps: int) -> HistoryProblem:
+        """The same with other steps, as far as residuals ask for it.
+
+        Held-out recordings and the noise of forces wait until it is known which steps do: of long
+        recordings they take gigabytes and minutes.
+        """
+        by, modal = self.made(substeps)
+        conditioning = self.settings.conditioning
+        own = StudyData.of(
+            self.recordings, by, modal, self.noise, conditioning, held_out=False
+        ).fitted
+        return problem.with_steps_of(
+            replace(problem, predictor=by, data=own.data, forces=own.forces)
+        )
 
     def with_substeps(self, substeps: int) -> Refined:
         """With so many steps between samples."""
