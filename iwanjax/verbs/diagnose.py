@@ -133,7 +133,7 @@ def _pictures(
 def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -> PageSection:
     """What a verdict rests on: its pictures and its tables."""
     static = isinstance(verdict.runs[0], CurveRun | LoopRun | ModesRun)
-    models = ("Joints refitted", "With the first suspect")[: 1 + bool(verdict.what)]
+    models = (verdict.baseline.capitalize(), "With the first suspect")[: 1 + bool(verdict.what)]
     recordings = PageTable(
         ("Recording", *models),
         tuple(
@@ -174,7 +174,7 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
             )
             for each in verdict.observables[:_MODES]
         ),
-        "Frequency and damping that the model with its joints refitted gets wrong.",
+        f"Frequency and damping that the model gets wrong, its {verdict.baseline}.",
         words=(0, 1, 2),
     )
     joints, linear = (
@@ -189,7 +189,7 @@ def _section(name: str, verdict: Diagnosis, pictures: list[tuple[str, bytes]]) -
             words=(0, 1, 4),
         )
         for what, refitted, caption in (
-            ("Joint", verdict.joints, "The joints as refitted"),
+            ("Joint", verdict.joints, f"The {verdict.baseline}"),
             ("Mode", verdict.modes, "The linear model as refitted within its trust"),
         )
     )

@@ -102,7 +102,7 @@ def test_the_verdict_comes_first_in_plain_words_and_the_joints_with_it(told):
         assert 0.0 < found["K_T"]["std"] < 0.05 * values[1]
     assert all("Hz)" in each["mode_name"] for each in verdict["observables"])
     page = (out / "report.html").read_text()
-    assert "The joints as refitted" in page
+    assert "The joints refitted" in page
     lead = page[page.index('class="lead"') : page.index("<section>")]
     titles = [lead.index(each) for each in ("Dry friction is", "Improvement.", "Measure next.")]
     assert titles == sorted(titles)
