@@ -24,7 +24,9 @@ _MOST_ROUNDS, _TOLERANCE = 20, 1e-4
 _BATCH = 32
 # Fractional parts of its multiples fill the circle evenly: phases of the modes at the start.
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-# Intervals of a table over thresholds and over the shares of two motions.
+# Intervals of a table over thresholds and over the shares of two motions. Farthest off the motion
+# itself, macroslip included, over the largest change: 0.9 % with 64, 0.14 % with 128, 0.09 % with
+# 256.
 _TABLE = 128
 
 
@@ -336,8 +338,9 @@ class TwoMotionTable(eqx.Module):
         stroke = (q + other)[:, None]
         thresholds, shares = (size - 1 for size in self.harmonic.shape[1:])
         x = jnp.minimum(bank.phi / stroke, 1.0) * thresholds
-        # The last column would be that of a first motion of no size.
-        y = jnp.minimum(other[:, None] / stroke * (shares + 1), shares * jnp.ones(()))
+        # A column beyond the last would be of a first motion of no size: where the second is more
+        # than 127 times as large, it is taken for that.
+        y = jnp.minimum(other[:, None] / stroke * (shares + 1), shares)
         i = jnp.minimum(jnp.floor(x), thresholds - 1).astype(int)
         j = jnp.minimum(jnp.floor(y), shares - 1).astype(int)
         right, up = x - i, y - j

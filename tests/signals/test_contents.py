@@ -112,6 +112,19 @@ def test_the_proposed_study_loads_and_reads(tmp_path, name):
     assert isinstance(ij.load_study(tmp_path / "study.yaml"), ij.Study)
 
 
+def test_every_mode_that_holds_energy_is_proposed_in_a_band_of_its_own(tmp_path):
+    """The third is 60 dB below: no mode to begin with."""
+    decay = sum(
+        size * np.exp(-0.005 * 2.0 * np.pi * f * TIME) * np.sin(2.0 * np.pi * f * TIME)
+        for size, f in ((1.0, 120.0), (0.8, 170.0), (1e-3, 400.0))
+    )
+    noise = 1e-6 * np.random.default_rng(0).standard_normal(N)
+    np.savez(tmp_path / "decay.npz", time=TIME, response=decay + noise)
+    (tmp_path / "study.yaml").write_text(file_contents(tmp_path / "decay.npz").study)
+    first, second = (mode.band for mode in read_study(tmp_path / "study.yaml").modal)
+    assert first[0] < 120.0 < first[1] <= second[0] < 170.0 < second[1]
+
+
 def test_curves_loops_and_stepped_sines_are_known(tmp_path):
     (tmp_path / "curves.csv").write_text(
         "amplitude,frequency_hz,damping\n" + "".join(f"{a},{100 - a},0.01\n" for a in range(1, 9))
