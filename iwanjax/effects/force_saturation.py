@@ -6,7 +6,7 @@ import numpy as np
 
 from iwanjax.effects.faults import AbstractForceFault
 from iwanjax.joints import ParameterInfo
-from iwanjax.signals.clipping import clipped_samples
+from iwanjax.signals.clipping import clipped
 
 # Relative difference of samples that rest at the same limit.
 _SAME = 1e-6
@@ -24,18 +24,21 @@ class ForceSaturation(AbstractForceFault):
 
     def acted(self, measured: np.ndarray, size: float) -> np.ndarray:
         """The measured force with its peaks."""
-        if not clipped_samples(measured):
-            return measured
-        return measured + size * (_lost(measured) - _lost(-measured))
+        flat = clipped(measured)
+        return measured + size * (_lost(measured, flat) - _lost(-measured, flat))
 
 
-def _lost(x: np.ndarray) -> np.ndarray:
-    """What was cut above the largest value, for size 1."""
+def _lost(x: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """What was cut above the largest value, for size 1; nothing where that is not flat.
+
+    The two limits need not be of one size: a channel may have had an offset.
+    """
     top = np.max(x)
     lost = np.zeros_like(x)
-    if top <= 0.0 or top < (1.0 - _SAME) * np.max(np.abs(x)):
+    at_top = x >= top - _SAME * np.max(np.abs(x))
+    if not np.any(at_top & flat):
         return lost
-    edges = np.diff(np.concatenate([[False], x >= (1.0 - _SAME) * top, [False]]).astype(int))
+    edges = np.diff(np.concatenate([[False], at_top, [False]]).astype(int))
     runs = zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True)
     for first, last in runs:
         if first < 2 or last > len(x) - 3:
