@@ -500,6 +500,12 @@ BAD_RECORDINGS = {
         14,
         ["response.sensors", "expected one"],
     ),
+    "inputs of a loop": (
+        "kind: loop, joint: J1",
+        "kind: loop, joint: J1, force: {inputs: [m1]}",
+        15,
+        ["[3].force.inputs", "kind loop", "array, unit"],
+    ),
     "mode of a loop": ("joint: J1", "mode: mode1", 15, ["[3].mode", "kind loop"]),
     "mode missing": (", mode: mode2", "", 14, ["[2]: 'mode' is missing", "mode1, mode2"]),
     "mode unknown": (

@@ -40,8 +40,10 @@ _KEYS: dict[Kind, tuple[str, ...]] = {
 _IN_FILES = {"start": "from", "end": "to"}
 # Of a response that is an amplitude of one mode, not a time history.
 _AMPLITUDE = ("sensors", "quantity", "unit")
-# Of a loop's, its deflection.
+# Of a history's force, and of a loop's deflection and force.
+_ACTING = ("array", "inputs", "offset")
 _DEFLECTION = ("channel", "quantity", "unit")
+_LOADED = ("array", "unit")
 
 
 def recording_entries(
@@ -157,15 +159,22 @@ def _refuse_foreign(source: Source, place: Place, section: RecordingSection) -> 
                 (*place, key),
                 f"does not belong to kind {section.kind}; expected one of {', '.join(keys)}",
             )
+    looped = section.kind == "loop"
+    parts: list[tuple[str, ConfigSection, tuple[str, ...]]] = []
+    if section.force is not None:
+        parts.append(("force", section.force, _LOADED if looped else _ACTING))
+    if section.kind not in _HISTORIES:
+        parts.append(("response", section.response, _DEFLECTION if looped else _AMPLITUDE))
+    for part, said, expected in parts:
+        for key in _given(said):
+            if key not in expected:
+                raise source.error(
+                    (*place, part, key),
+                    f"does not belong to kind {section.kind}; expected one of "
+                    f"{', '.join(expected)}",
+                )
     if section.kind in _HISTORIES:
         return
-    for key in _given(section.response):
-        expected = _DEFLECTION if section.kind == "loop" else _AMPLITUDE
-        if key not in expected:
-            raise source.error(
-                (*place, "response", key),
-                f"does not belong to kind {section.kind}; expected one of {', '.join(expected)}",
-            )
     if len(section.response.sensors) > 1:
         raise source.error(
             (*place, "response", "sensors"),

@@ -140,6 +140,8 @@ def read_force_loop(entry: RecordingEntry) -> ForceLoop:
             displacement=entry.response.channels[0] if entry.response.channels else "displacement",
             force=(entry.force.array if entry.force else None) or "force",
             sampling_rate=entry.sampling_rate,
+            unit=entry.response.unit,
+            force_unit=entry.force.unit if entry.force else "",
         )
 
 

@@ -65,10 +65,13 @@ class ForceSettings(ConfigSection):
         Where each acts, in the order of its columns: labels of the model where it has any.
     offset : "mean" or tuple of float
         What each shows where nothing acts, as of a response.
+    unit : str
+        Label of a loop's force, never converted.
     """
 
     array: str | None = None
     inputs: _Names = ()
+    unit: str = ""
     offset: Offset = ()
 
 

@@ -18,7 +18,7 @@ _MOST, _LEAST = 3, 3.0
 
 
 @paper_style()
-def plot_loops(diagnosis: Diagnosis, *, length_unit: str = "m", force_unit: str = "N") -> Figure:
+def plot_loops(diagnosis: Diagnosis) -> Figure:
     """Measured loops, the models before and after, and residuals.
 
     Points are measured. Lines are the joint alone and, where something is missing, the joint
@@ -29,8 +29,6 @@ def plot_loops(diagnosis: Diagnosis, *, length_unit: str = "m", force_unit: str 
     ----------
     diagnosis : Diagnosis
         Result of :func:`iwanjax.diagnose` of a joint.
-    length_unit, force_unit : str
-        For the labels.
 
     Returns
     -------
@@ -67,9 +65,9 @@ def plot_loops(diagnosis: Diagnosis, *, length_unit: str = "m", force_unit: str 
             top.plot(measured.d, run.predicted[i], style, color=colour, linewidth=0.9, zorder=2.6)
         held_out = " (held out)" if i >= before.fitted else ""
         top.set_title(before.names[i] + held_out)
-        bottom.set_xlabel(with_unit("Deflection $d$", length_unit))
+        bottom.set_xlabel(with_unit("Deflection $d$", measured.unit))
         _residuals(bottom, models, i)
-    panels[0, 0].set_ylabel(with_unit("Force $F$", force_unit))
+    panels[0, 0].set_ylabel(with_unit("Force $F$", before.measured[shown[0]].force_unit))
     panels[1, 0].set_ylabel(r"$\Delta/\sigma$ (–)")
     handles = [Line2D([], [], color=GREY, marker=".", ls="", label="measured")]
     handles += [Line2D([], [], color=c, ls=style, label=label) for _, c, style, label in models]

@@ -39,6 +39,8 @@ class ForceLoop(AbstractResult):
         Label.
     dt : float, optional
         Time between two values, s; without it nothing can depend on rate.
+    unit, force_unit : str
+        Labels of deflection and force; values are never converted.
 
     Raises
     ------
@@ -60,14 +62,24 @@ class ForceLoop(AbstractResult):
     force: np.ndarray
     name: str = ""
     dt: float | None = None
+    unit: str = ""
+    force_unit: str = ""
 
     def __init__(
-        self, d: ArrayLike, force: ArrayLike, name: str = "", dt: float | None = None
+        self,
+        d: ArrayLike,
+        force: ArrayLike,
+        name: str = "",
+        dt: float | None = None,
+        unit: str = "",
+        force_unit: str = "",
     ) -> None:
         object.__setattr__(self, "d", _history(d, "displacement"))
         object.__setattr__(self, "force", _history(force, "force"))
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "dt", dt)
+        object.__setattr__(self, "unit", unit)
+        object.__setattr__(self, "force_unit", force_unit)
         if dt is not None and not 0.0 < dt < math.inf:
             raise InputError(f"dt is {dt!r}; expected a positive number of seconds")
         if self.d.shape != self.force.shape:
@@ -163,6 +175,8 @@ def read_loop(
     displacement: str = "displacement",
     force: str = "force",
     sampling_rate: float | None = None,
+    unit: str = "",
+    force_unit: str = "",
 ) -> ForceLoop:
     """Read a loop from any file that :func:`iwanjax.signals.read_recordings` reads.
 
@@ -177,6 +191,8 @@ def read_loop(
         What the file calls them.
     sampling_rate : float, optional
         Hz, where the file does not say and a force may depend on rate.
+    unit, force_unit : str
+        Labels of deflection and force.
 
     Raises
     ------
@@ -192,7 +208,8 @@ def read_loop(
                     f"{each} is missing; found {', '.join(held) or 'nothing'}{nearest(each, held)}"
                 )
         d, f = (_numbers(held[each], each) for each in (displacement, force))
-        return ForceLoop(d, f, name or path.name, _step(record, sampling_rate))
+        dt = _step(record, sampling_rate)
+        return ForceLoop(d, f, name or path.name, dt, unit, force_unit)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -3,6 +3,7 @@
 import json
 import re
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from concealed.steady import (
@@ -26,6 +27,7 @@ from iwanjax.discrepancy import CATALOGUE
 from iwanjax.discrepancy.steady.diagnose_loops import diagnose_loops
 from iwanjax.errors import InputError
 from iwanjax.identification.steady.loops import driven, is_seen
+from iwanjax.plotting import plot_loops
 
 GUESS = ij.Iwan4(F_S=7.0, K_T=1.2, chi=-0.3, beta=3.0)
 TRIED = ("stiffness_error", "cubic_stiffness", "coulomb_friction", "viscous_damping")
@@ -97,6 +99,23 @@ def test_what_contains_the_law_that_is_missing_fits_no_worse():
     price = 0.5 * np.log(sum(each.d.size for each in several[:2]))
     assert set(evidence) == {f"{kind}@J1" for kind in tried[1:]}
     assert min(evidence.values()) == pytest.approx(best - price, abs=1.0)
+
+
+def test_the_picture_says_units_where_they_are_known_and_none_where_they_are_not():
+    several = loops("cubic_stiffness")
+    ends = {
+        ("in", "kip"): ("Deflection $d$ (in)", "Force $F$ (kip)"),
+        ("", ""): ("Deflection $d$", "Force $F$"),
+    }
+    for units, wanted in ends.items():
+        measured = [ij.ForceLoop(x.d, x.force, x.name, x.dt, *units) for x in several]
+        told = diagnose_loops(
+            GUESS, measured[:2], measured[2], name="J1", hypotheses=("stiffness_error",)
+        )
+        figure = plot_loops(told)
+        labels = {ax.get_xlabel() for ax in figure.axes} | {ax.get_ylabel() for ax in figure.axes}
+        assert set(wanted) <= labels
+        plt.close(figure)
 
 
 def test_what_nothing_that_was_tried_explains_leaves_the_verdict_undecided():
