@@ -95,10 +95,10 @@ tells from all others, in nine of ten repetitions; pairs that it cannot tell apa
 the sensor that would help most. Recordings may be measured, or simulated ones of a plan. Takes a
 minute or two. Writes detectability.txt, detectability.json, detectability.npz and a picture.
 """
-_INSPECT_HELP = """What a file holds: recordings and what is wrong with them, or matrices.
+_INSPECT_HELP = """What files hold: recordings and what is wrong with them, or matrices.
 
 Of recordings it tells levels, noise, clipping, hum, offsets, drift, dropouts, double hits, wrong
-signs and bands, and writes down a study to begin with.
+signs and bands, and writes down a study to begin with: one of all the files, the last held out.
 Of mass and stiffness matrices it tells supports, mass, lowest frequencies and mixed-up units.
 """
 _LAWS_HELP = """The laws that joints may have, with their parameters.
@@ -148,22 +148,23 @@ def _options(
 
 @app.command("inspect", help=_INSPECT_HELP)
 def inspect_verb(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A recording, or a file of matrices.")
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Recordings, their folder, or a file of matrices."),
     ],
     out: Annotated[
-        Path | None, typer.Option(help="A folder for the same as JSON, with a figure.")
+        Path | None, typer.Option(help="A folder for the same as JSON, figures and the study.")
     ] = None,
     variable: Annotated[str | None, typer.Option(help="The struct, group or cell to read.")] = None,
     sampling_rate: Annotated[
         float | None, typer.Option(help="Hz, of a file that does not say.")
     ] = None,
 ) -> None:
-    """Tell what a file holds."""
+    """Tell what files hold."""
     with _one_line_errors():
         from iwanjax.verbs.inspect import run
 
-        typer.echo(run(file, out, variable=variable, sampling_rate=sampling_rate))
+        typer.echo(run(files, out, variable=variable, sampling_rate=sampling_rate))
 
 
 @app.command("laws", help=_LAWS_HELP)

@@ -24,10 +24,12 @@ from iwanjax.signals.curves_file import read_curves, read_force_control, read_re
 from iwanjax.signals.formats import known_file, read_file
 from iwanjax.signals.hit_checks import remarks_on_hits
 from iwanjax.signals.proposal import (
+    StudyProposal,
     curve_study,
     history_study,
     loop_study,
     strongest_channel,
+    written,
 )
 from iwanjax.signals.recording import FEWEST_SAMPLES, Channel, Recording
 from iwanjax.signals.records import records
@@ -130,8 +132,8 @@ class FileContents(AbstractResult):
     recordings : tuple of RecordingSummary
     fault : str
         Why there are no recordings; empty if there are.
-    study : str
-        A study to begin with, as YAML: beside the file it loads as it is; empty without data.
+    proposal : StudyProposal or None
+        What a study to begin with says of it; None without data.
     sound : tuple of Recording
         The recordings that can be used as they are.
     """
@@ -140,13 +142,23 @@ class FileContents(AbstractResult):
     variables: tuple[tuple[str, str], ...] = ()
     recordings: tuple[RecordingSummary, ...] = ()
     fault: str = ""
-    study: str = ""
+    proposal: StudyProposal | None = None
     sound: tuple[Recording, ...] = field(default=(), repr=False)
+
+    @property
+    def study(self) -> str:
+        """A study to begin with, as YAML: beside the file it loads as it is; empty without data."""
+        return written([self.proposal]) if self.proposal else ""
 
     def _blocks(self) -> tuple[Block, ...]:
         return (str(self),)
 
     def __str__(self) -> str:
+        study = ["", "A study to begin with, in a file beside it:", "", self.study.rstrip()]
+        return "\n".join([self.told(), *(study if self.study else [])])
+
+    def told(self) -> str:
+        """Tables and remarks, without the study."""
         lines = [str(self.path)]
         if self.variables:
             lines += _table([["name", "holds"], *map(list, self.variables)])
@@ -158,8 +170,6 @@ class FileContents(AbstractResult):
             lines += ["", f"... and {len(self.recordings) - _MOST_RECORDINGS} more"]
         if self.fault:
             lines += ["", f"fault: {self.fault}"]
-        if self.study:
-            lines += ["", "A study to begin with, in a file beside it:", "", self.study.rstrip()]
         return "\n".join(lines)
 
 
@@ -196,8 +206,8 @@ def file_contents(
     except InputError as error:
         return FileContents(path, fault=_without(path, error))
     variables = tuple((name, told_node(node)) for name, node in held.items())
-    if study := _of_another_kind(path, held):
-        return FileContents(path, variables, study=study)
+    if proposal := _of_another_kind(path, held):
+        return FileContents(path, variables, proposal=proposal)
     try:
         found = records(path, variable, selection)
     except InputError as error:
@@ -215,7 +225,7 @@ def file_contents(
             summaries.append(summary)
             sound += [recording] if recording is not None else []
     given = {"variable": variable, "sampling_rate": sampling_rate}
-    study = ""
+    proposal = None
     if sound:
         at = next(i for i, each in enumerate(summaries) if not each.fault)
         strongest = strongest_channel(sound[0])
@@ -223,12 +233,12 @@ def file_contents(
         options = {key: value for key, value in given.items() if value is not None}
         if len(sound) < len(found):
             options["index"] = [i for i, each in enumerate(summaries) if not each.fault]
-        study = history_study(path, sound[0], strongest, peaks, options)
-    return FileContents(path, variables, tuple(summaries), study=study, sound=tuple(sound))
+        proposal = history_study(path, sound[0], strongest, peaks, options)
+    return FileContents(path, variables, tuple(summaries), proposal=proposal, sound=tuple(sound))
 
 
-def _of_another_kind(path: Path, held: Mapping[str, Node]) -> str:
-    """A study of a file that holds curves, stepped sines or a loop; empty for any other."""
+def _of_another_kind(path: Path, held: Mapping[str, Node]) -> StudyProposal | None:
+    """A study of a file that holds curves, stepped sines or a loop; None for any other."""
     readers = {
         "curves": read_curves,
         "response_control": read_response_control,
@@ -240,7 +250,7 @@ def _of_another_kind(path: Path, held: Mapping[str, Node]) -> str:
         for kind, reader in readers.items():
             with contextlib.suppress(InputError):
                 return curve_study(path, kind, np.asarray(reader(path).frequency))
-    return ""
+    return None
 
 
 def _summary(raw: RawRecording) -> tuple[RecordingSummary, Recording | None]:

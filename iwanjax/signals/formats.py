@@ -1,5 +1,6 @@
 """What reads a recording, by the extension of its file."""
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -40,6 +41,14 @@ def known_file(path: str | Path) -> Path:
     InputError
     """
     return existing_file(path, _READERS)
+
+
+def is_read(path: Path) -> bool:
+    """Whether there is a file of a kind that is read."""
+    with contextlib.suppress(InputError):
+        known_file(path)
+        return True
+    return False
 
 
 def read_file(path: str | Path) -> tuple[Path, list[FileRecord]]:

@@ -1,10 +1,13 @@
-"""A study to begin with, for a file that was looked into."""
+"""A study to begin with, for files that were looked into."""
 
 import itertools
 import json
 import math
+import os
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +26,66 @@ _JOINT = """  joints:
 _MOTIONS = ("acceleration", "velocity", "displacement")
 
 
+class StudyProposal(NamedTuple):
+    """What a study would say of one file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    model : str
+        YAML below ``model:``.
+    entry : tuple of str
+        Lines of its entry of ``recordings:`` below ``file:``.
+    size : float
+        Of its motion: the model of the largest shows most modes.
+    """
+
+    path: Path
+    model: str
+    entry: tuple[str, ...]
+    size: float = 0.0
+
+    @property
+    def subject(self) -> str:
+        """``modal`` or ``joints``: what the recording is of."""
+        return self.model.lstrip().partition(":")[0]
+
+
+def together(proposals: Sequence[StudyProposal]) -> list[StudyProposal]:
+    """Those that go into one study: of modes, or of a joint, whichever most are."""
+    counted = Counter(each.subject for each in proposals)
+    return [each for each in proposals if each.subject == max(counted, key=counted.__getitem__)]
+
+
+def written(proposals: Sequence[StudyProposal], folder: Path | None = None) -> str:
+    """The study of one file or of several alike, as YAML.
+
+    Parameters
+    ----------
+    proposals : sequence of StudyProposal
+        At least one; of three or more the last is held out.
+    folder : Path, optional
+        Where the study will lie; beside the files by default.
+    """
+    first, hold_out = proposals[0], len(proposals) > 2
+    alone = len(proposals) == 1
+    lines = [
+        f"name: {_quoted(first.path.stem if alone else first.path.absolute().parent.name)}",
+        "model:",
+        max(proposals, key=lambda each: each.size).model,
+        "recordings:",
+    ]
+    for i, each in enumerate(proposals, 1):
+        file = each.path.name if folder is None else os.path.relpath(each.path, folder)
+        lines.append(f"  - file: {_quoted(file)}")
+        if not alone:
+            held = hold_out and i == len(proposals)
+            lines.append(f"    use: {'hold_out' if held else 'fit'}")
+        lines += each.entry
+    return "\n".join([*lines, ""])
+
+
 def strongest_channel(recording: Recording) -> Channel:
     """The response of largest rms, among those that are known to measure a motion where any is."""
     known = [channel for channel in recording.channels if channel.quantity in _MOTIONS]
@@ -38,7 +101,7 @@ def history_study(
     channel: Channel,
     peaks: Sequence[float],
     options: dict[str, object],
-) -> str:
+) -> StudyProposal:
     """A study of free decays, or of hits with force, of the modes that hold the energy.
 
     Parameters
@@ -53,14 +116,10 @@ def history_study(
         Highest peaks of that channel's spectrum, Hz.
     options : dict
         What was needed to read it: ``variable``, ``sampling_rate``.
-
-    Returns
-    -------
-    str
-        YAML, which a study file may begin with as it is.
     """
     rate = recording.sampling_rate
-    bands = _bands(recording.channel(channel.name), rate, peaks)
+    x = recording.channel(channel.name)
+    bands = _bands(x, rate, peaks)
     forced = recording.force is not None and np.any(recording.force)
     known = channel.quantity in _MOTIONS
     lines = [
@@ -71,7 +130,7 @@ def history_study(
         f"      quantity: {channel.quantity if known else f'acceleration{_ASK}'}",
         *([f"      unit: {_quoted(channel.unit)}"] if channel.unit else []),
     ]
-    return _study(path, _modes(bands), lines)
+    return StudyProposal(path, _modes(bands), tuple(lines), float(np.std(x)))
 
 
 def _bands(x: np.ndarray, rate: float, peaks: Sequence[float]) -> list[tuple[float, float]]:
@@ -91,7 +150,7 @@ def _bands(x: np.ndarray, rate: float, peaks: Sequence[float]) -> list[tuple[flo
     ]
 
 
-def curve_study(path: Path, kind: str, frequency: np.ndarray) -> str:
+def curve_study(path: Path, kind: str, frequency: np.ndarray) -> StudyProposal:
     """A study of curves, or of stepped sines.
 
     Parameters
@@ -106,19 +165,12 @@ def curve_study(path: Path, kind: str, frequency: np.ndarray) -> str:
     low, high = float(np.min(frequency)), float(np.max(frequency))
     if low == high:
         low, high = (1.0 - REACH) * low, (1.0 + REACH) * high
-    return _study(path, _modes([(low, high)]), [f"    kind: {kind}"])
+    return StudyProposal(path, _modes([(low, high)]), (f"    kind: {kind}",))
 
 
-def loop_study(path: Path, columns: Sequence[str] = ()) -> str:
-    """A study of a joint's loops: displacement and force by the names of their columns."""
-    named = []
-    if columns:
-        named = [
-            f"    response: {{channel: {_quoted(columns[0])}, quantity: displacement}}",
-            f"    force: {{array: {_quoted(columns[1])}}}",
-        ]
-    lines = ["    kind: loop", "    joint: J1", *named]
-    return _study(path, _JOINT, lines)
+def loop_study(path: Path) -> StudyProposal:
+    """A study of a joint's loops."""
+    return StudyProposal(path, _JOINT, ("    kind: loop", "    joint: J1"))
 
 
 def _modes(bands: Sequence[tuple[float, float]]) -> str:
@@ -127,20 +179,6 @@ def _modes(bands: Sequence[tuple[float, float]]) -> str:
         for i, (low, high) in enumerate(bands, 1)
     ]
     return "\n".join(["  modal:", *lines])
-
-
-def _study(path: Path, model: str, lines: Sequence[str]) -> str:
-    return "\n".join(
-        [
-            f"name: {_quoted(path.stem)}",
-            "model:",
-            model,
-            "recordings:",
-            f"  - file: {_quoted(path.name)}",
-            *lines,
-            "",
-        ]
-    )
 
 
 def _quoted(text: str) -> str:

@@ -141,7 +141,7 @@ def test_the_command_writes_figure_study_and_numbers(tmp_path):
     near, _ = accelerations(HIT)
     (tmp_path / "lab").mkdir()
     np.savez(tmp_path / "lab" / "hit.npz", time=TIME, acc=near, force=HIT)
-    told = run(tmp_path / "lab" / "hit.npz", tmp_path / "out")
+    told = run([tmp_path / "lab" / "hit.npz"], tmp_path / "out")
     assert "kind: transient" in told
     names = sorted(file.name for file in (tmp_path / "out").iterdir())
     assert names == ["channels.png", "contents.json", "study.yaml"]
@@ -150,6 +150,33 @@ def test_the_command_writes_figure_study_and_numbers(tmp_path):
     assert read_study(tmp_path / "out" / "study.yaml").recordings[0].path.is_file()
     summary = file_contents(tmp_path / "lab" / "hit.npz").summary()
     assert summary in told
+
+
+def test_a_folder_of_hits_becomes_one_study_whose_last_is_held_out(tmp_path):
+    lab, out = tmp_path / "lab", tmp_path / "out"
+    lab.mkdir()
+    for i, push in enumerate((HIT, 3.0 * HIT, 2.0 * HIT)):
+        np.savez(lab / f"hit{i}.npz", time=TIME, acc=accelerations(push)[0])
+    (lab / "notes.doc").write_text("of no interest")
+    (lab / "loop.json").write_text(
+        json.dumps({"displacement": np.sin(TIME[:99]).tolist(), "force": TIME[:99].tolist()})
+    )
+    told = run([lab], out)
+    assert all(f"hit{i}.npz" in told for i in range(3))
+    assert "loop.json is left out of the study" in told
+    study = read_study(out / "study.yaml")
+    assert [each.use for each in study.recordings] == ["fit", "fit", "hold_out"]
+    assert all(each.path.is_file() for each in study.recordings)
+    assert len(study.modal) == 1
+    assert len(json.loads((out / "contents.json").read_text())["files"]) == 4
+    assert (out / "hit1.npz.channels.png").is_file()
+    # Without a folder to write to, it is one for a file beside the hits.
+    text = run([lab / "hit0.npz", lab / "hit1.npz"])
+    (lab / "study.yaml").write_text(text[text.index("name:") :])
+    assert [each.use for each in read_study(lab / "study.yaml").recordings] == ["fit", "fit"]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ij.InputError, match="no file in it is of a kind that is read"):
+        run([tmp_path / "empty"])
 
 
 def test_measured_files_propose_studies_that_load(reference_data, tmp_path):
