@@ -24,6 +24,7 @@ LONG = (
     "09_silverbox",
     "12_a_force_without_a_name",
     "13_do_two_modes_near_one_to_two_act_on_each_other",
+    "14_how_much_of_a_friction_damper_is_a_law",
 )
 
 

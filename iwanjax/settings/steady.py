@@ -101,7 +101,7 @@ class SteadySettings:
     mode_starts: int = 8
     runs: int = 4
     joint_runs: int = 8
-    loop_runs: int = 3
+    loop_runs: int = 8
     loop_joint_runs: int = 4
     mode_runs: int = 2
     strengths: tuple[float, ...] = (1.0, 0.1)

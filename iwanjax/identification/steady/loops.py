@@ -21,6 +21,7 @@ from iwanjax.identification.steady.fit import (
     Size,
     SteadyFit,
     as_joint,
+    best_of,
     joints_to_begin_with,
     searched,
     with_sizes,
@@ -233,6 +234,7 @@ def loops_beside(
     if not is_seen(kind, loops):
         return None
     few = joints_to_begin_with(alone, draws)
+    ended: list[LoopFit] = []
 
     def at(shape: float) -> LoopFit | None:
         effect = PlacedEffect(kind, shape)
@@ -241,7 +243,11 @@ def loops_beside(
             return None
         problem, largest = found
         starts = with_sizes(few, kind, largest, random)
-        return searched(effect, problem, starts, settings().steady.loop_runs)
+        if ended:
+            # From the best of the other shapes as well, or each may end in a minimum of its own.
+            starts[0] = best_of(ended).theta
+        ended.append(searched(effect, problem, starts, settings().steady.loop_runs))
+        return ended[-1]
 
     return best_shape(kind, kind.shapes(Scales(loops.largest, 1.0)), at)
 
