@@ -41,13 +41,15 @@ class SensorHum(AbstractAddedFault):
 
     def tuned(self, left: np.ndarray, dt: float) -> "Self | None":
         """At the frequency near that of a mains that explains most; None where none is seen."""
-        n = np.arange(left.shape[1])
+        from scipy.signal import zoom_fft  # here, because it takes a second to import
+
         step = _TURN / (left.shape[1] * dt)
         found = []
         for mains in _MAINS:
             if mains * (1.0 + _OFF) * dt < END:
                 own = np.arange(mains * (1.0 - _OFF), mains * (1.0 + _OFF), step)
-                power = np.abs(left @ np.exp(-2j * np.pi * dt * np.outer(n, own))) ** 2
+                band = (own[0], own[0] + step * own.size)
+                power = np.abs(zoom_fft(left, band, own.size, fs=1.0 / dt, axis=1)) ** 2
                 best = int(np.argmax(power.sum(axis=0)))
                 found.append((float(power.sum(axis=0)[best]), float(own[best])))
         if not found:

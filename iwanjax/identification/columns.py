@@ -84,20 +84,23 @@ def columns(
     shown = jax.device_put(_shown(problem, base))
     threads, at_once = within_memory(problem, available_threads(), _AT_ONCE)
 
-    def run(first: int) -> np.ndarray:
+    def run(first: int) -> None:
         own = effects[first : first + at_once]
         padded = [*own, *[own[-1]] * (at_once - len(own))]
         arrays = zip(*((x.row, x.force, x.fault, x.ground) for x in padded), strict=True)
         row, force, fault, ground = jax.device_put(tuple(map(np.stack, arrays)))
-        (found,) = responses(*fixed, Small(row, force, fault, ground, shown), *at)
-        return np.asarray(found)[: len(own)]
+        (made,) = responses(*fixed, Small(row, force, fault, ground, shown), *at)
+        # Straight to its place: what long recordings make is not held twice.
+        found[first : first + len(own)] = np.asarray(made)[: len(own)]
 
-    if not effects:
-        return np.zeros((0, *problem.data.response.shape))
+    found = np.zeros((len(effects), *problem.data.response.shape))
+    firsts = range(0, len(effects), at_once)
     # The first alone, for two would both compile the kernel.
-    first = run(0)
+    for first in firsts[:1]:
+        run(first)
     with ThreadPoolExecutor(threads) as pool:
-        return np.concatenate([first, *pool.map(run, range(at_once, len(effects), at_once))])
+        list(pool.map(run, firsts[1:]))
+    return found
 
 
 def _about(
