@@ -1,27 +1,37 @@
 """Suspects that a score test at size zero with a short memory does not see.
 
-Too strong ones are probed with forces of any size; what builds up slowly appears with a longer
-memory of the observer.
+Too strong ones are probed with forces of any size; laws of several parameters are tried whole; what
+builds up slowly appears with a longer memory of the observer.
 """
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from iwanjax.discrepancy.histories.joint_faults import limited, stuck
+from iwanjax.discrepancy.histories.joint_faults import (
+    best_of_each,
+    compared,
+    limited,
+    stuck,
+)
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
     RankedFit,
     Scope,
     cost_of,
+    least,
     placed,
     scored,
 )
+from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.discrepancy.histories.score_test import Candidate
 from iwanjax.effects.faults import AbstractFault
-from iwanjax.effects.kinds import ForceKind
+from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.estimation.multistart import alike
+from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import unit_effects
 from iwanjax.identification.likelihood import evidence, left_by_noise
 from iwanjax.identification.linearise import squares_at
@@ -129,6 +139,82 @@ def _sizes(
     whole = place.scales.deflection * place.scales.stiffness
     sizes = [share * whole / largest for share in problem.settings.probing.shares]
     return sizes if kind.positive else [*sizes, *(-size for size in sizes)]
+
+
+def further_laws(
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    shorts: Sequence[RankedFit],
+    entries: list[RankedFit],
+    places: Sequence[Place],
+    scope: Scope,
+) -> list[RankedFit]:
+    """Laws with all of their parameters beside the others, where nothing else explains much.
+
+    Parameters
+    ----------
+    problem, nominal, shorts, entries, scope
+        As for the others.
+    places : sequence of Place
+        Where something acts most likely, in order.
+    """
+    best, known = least(nominal, entries), problem.settings
+    enough = known.selection.misfit * left_by_noise(problem)
+    kinds = [kind for kind in scope.kinds if isinstance(kind, JointKind) and kind.law]
+    if not kinds or best.cost < enough:
+        return entries
+    # Joints that are bent to explain something else are a bad place to begin from.
+    z = nominal.theta.mean(axis=0)[: problem.parameters]
+    beside = [z, problem.with_given_joints(z)] if problem.joints else [z]
+    limits, found = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT), []
+    if best.cost < FAR * left_by_noise(problem):
+        # What is left is small beside what was explained there: a name may be wrong, not the place.
+        places = _of_the_best(places, entries, known.joint_faults.ahead * best.cost)
+    most = known.selection.finalists
+    of_kinds = []
+    for kind in kinds:
+        assert kind.law
+        scope.progress(f"sifting places: {kind.usual}")
+        made = []
+        # Twice as many places as are fitted: the test of places knows no law with a memory of its
+        # own, such as an oscillator's.
+        for place in places[: 2 * most] if scope.in_time() else ():
+            guesses = kind.law.begun(place.scales, **dict(kind.held))
+            made.append(_sifted(*hypotheses.with_law(problem, kind, place, guesses, beside)))
+        of_kinds.append(sorted(made, key=lambda each: each.left)[:most])
+    # Shorter, or none, where the time is over.
+    for likely in zip(*of_kinds, strict=False):
+        for own, starts, _ in likely:
+            scope.progress(f"refitting {starts[0].hypothesis.label}")
+            found += best_of_each([(own, starts)], limits, scope)
+        if min(map(cost_of, found), default=math.inf) < enough:
+            break
+    return compared(shorts, entries, found, scope)
+
+
+def _of_the_best(
+    places: Sequence[Place], entries: Sequence[RankedFit], within: float
+) -> list[Place]:
+    """Places of suspects that cost no more than this; all, where these are channels."""
+    near = [e.fitted.hypothesis.where for e in entries if cost_of(e) < within]
+    return [place for place in places if any(place.label in where for where in near)] or [*places]
+
+
+class _Sifted(NamedTuple):
+    """Starts of one search that leave least as they are, and what the first of them leaves."""
+
+    problem: HistoryProblem
+    starts: list[Start]
+    left: float
+
+
+def _sifted(problem: HistoryProblem, starts: Sequence[Start]) -> _Sifted:
+    """The most promising starts: what one step of each foresees costs ten times as much."""
+    points = [(start.hypothesis, problem.still(start.theta)) for start in starts]
+    left = squares_at(problem, points, SHORT_TIME_CONSTANT)
+    order = np.argsort(left, kind="stable")
+    near = [starts[i] for i in order[: problem.settings.joint_faults.near]]
+    return _Sifted(problem, near, left[order[0]])
 
 
 def appearing(

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import numpy as np
 
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
@@ -25,7 +24,6 @@ from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.identification import hypotheses
 from iwanjax.identification.joint_priors import joints_of
 from iwanjax.identification.likelihood import left_by_noise
-from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
@@ -80,7 +78,7 @@ def with_joints_left_out(
         problem, known, limits, scope, settings.joint_faults.places if left else 1
     )
     found += _rivals(problem, found, known, limits, scope)
-    return _compared(shorts, entries, found, scope)
+    return compared(shorts, entries, found, scope)
 
 
 def with_joint_faults(
@@ -103,72 +101,7 @@ def with_joint_faults(
     single = explaining_too_little(problem, best, found)
     if single is not None:
         found += beside_stiction(problem, single, limits, scope)
-    return _compared(shorts, entries, found, scope)
-
-
-def with_further_laws(
-    problem: HistoryProblem,
-    nominal: HypothesisFit,
-    shorts: Sequence[RankedFit],
-    entries: list[RankedFit],
-    places: Sequence[Place],
-    scope: Scope,
-) -> list[RankedFit]:
-    """Laws with all of their parameters, where nothing else explains much.
-
-    Parameters
-    ----------
-    problem, nominal, shorts, entries, scope
-        As for the others.
-    places : sequence of Place
-        Where something acts most likely, in order.
-    """
-    best, known = least(nominal, entries), problem.settings
-    enough = known.selection.misfit * left_by_noise(problem)
-    kinds = [kind for kind in scope.kinds if isinstance(kind, JointKind) and kind.law]
-    if not kinds or best.cost < enough:
-        return entries
-    # Joints that are bent to explain something else are a bad place to begin from.
-    z = nominal.theta.mean(axis=0)[: problem.parameters]
-    beside = [z, problem.with_given_joints(z)] if problem.joints else [z]
-    limits, found = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT), []
-    most = known.selection.finalists
-    of_kinds = []
-    for kind in kinds:
-        assert kind.law
-        scope.progress(f"sifting places: {kind.usual}")
-        made = []
-        # Twice as many places as are fitted: the test of places knows no law with a memory of its
-        # own, such as an oscillator's.
-        for place in places[: 2 * most] if scope.in_time() else ():
-            guesses = kind.law.begun(place.scales, **dict(kind.held))
-            made.append(_sifted(*hypotheses.with_law(problem, kind, place, guesses, beside)))
-        of_kinds.append(sorted(made, key=lambda each: each.left)[:most])
-    # Shorter, or none, where the time is over.
-    for likely in zip(*of_kinds, strict=False):
-        for own, starts, _ in likely:
-            scope.progress(f"refitting {starts[0].hypothesis.label}")
-            found += _best_of_each([(own, starts)], limits, scope)
-        if min(map(cost_of, found), default=math.inf) < enough:
-            break
-    return _compared(shorts, entries, found, scope)
-
-
-class _Sifted(NamedTuple):
-    """Starts of one search that leave least as they are, and what the first of them leaves."""
-
-    problem: HistoryProblem
-    starts: list[Start]
-    left: float
-
-
-def _sifted(problem: HistoryProblem, starts: Sequence[Start]) -> _Sifted:
-    """The most promising starts: what one step of each foresees costs ten times as much."""
-    points = [(start.hypothesis, problem.still(start.theta)) for start in starts]
-    left = squares_at(problem, points, SHORT_TIME_CONSTANT)
-    order = np.argsort(left, kind="stable")
-    near = [starts[i] for i in order[: problem.settings.joint_faults.near]]
-    return _Sifted(problem, near, left[order[0]])
+    return compared(shorts, entries, found, scope)
 
 
 def explaining_too_little(
@@ -193,7 +126,7 @@ def beside_stiction(
     return [each for each in pairs if fall * (cost_of(each) - noise) < short.cost - noise]
 
 
-def _compared(
+def compared(
     shorts: Sequence[RankedFit], entries: list[RankedFit], found: list[RankedFit], scope: Scope
 ) -> list[RankedFit]:
     """What was found with a short memory among others: what is near refitted as they were."""
@@ -240,7 +173,7 @@ def stuck(
         for j, label in enumerate(scope.joints)
         if type(problem.joints[j].given) is Iwan4 and label not in scope.excluded
     ]
-    return _best_of_each(made, limits, scope, time_constant)
+    return best_of_each(made, limits, scope, time_constant)
 
 
 def _joints_left_out(
@@ -257,7 +190,7 @@ def _joints_left_out(
                 guesses = _guesses(problem, known, place, kind)
                 if guesses:
                     made.append(hypotheses.with_joint(problem, kind, place, guesses))
-    return _best_of_each(made, limits, scope)
+    return best_of_each(made, limits, scope)
 
 
 def _rivals(
@@ -290,7 +223,7 @@ def _rivals(
         guess = hypotheses.JointStart(K_T * ratio**2, F_S / K_T / ratio, z[:p])
         made.append(hypotheses.with_joint(problem, kind, place, [guess]))
     near = Limits(cost_of(best), min(limits.worth, settings.ahead * cost_of(best)))
-    return _best_of_each(made[: settings.elsewhere], near, scope)
+    return best_of_each(made[: settings.elsewhere], near, scope)
 
 
 def _beside_another(
@@ -307,7 +240,7 @@ def _beside_another(
         key = (kind.variant, pair.hypothesis.where[slot], kept.hypothesis.label)
         if place and guesses and key not in made:
             made[key] = hypotheses.with_joint(problem, kind, place, guesses, kept)
-    found = _best_of_each(list(made.values()), limits, scope)
+    found = best_of_each(list(made.values()), limits, scope)
     return found + without_the_other(found, scope)
 
 
@@ -336,7 +269,7 @@ def without_the_other(pairs: Sequence[RankedFit], scope: Scope) -> list[RankedFi
     ]
 
 
-def _best_of_each(
+def best_of_each(
     made: Sequence[tuple[HistoryProblem, list[Start]]],
     limits: Limits,
     scope: Scope,

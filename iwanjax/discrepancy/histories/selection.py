@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.findings import PlaceEvidence, Score
-from iwanjax.discrepancy.histories.further_suspects import appearing, probed
+from iwanjax.discrepancy.histories.further_suspects import appearing, further_laws, probed
 from iwanjax.discrepancy.histories.general_law import PlacedLaw, as_two_laws, general_law
 from iwanjax.discrepancy.histories.joint_faults import (
     like_a_joint,
-    with_further_laws,
     with_joint_faults,
     with_joints_left_out,
 )
@@ -186,7 +185,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         base, entries = ranked(base, entries)
     # What even so is not explained may be a law of more parameters, or two at one place.
     likely = by_evidence(places, scope.places)
-    entries = with_further_laws(problem, base.fitted, shorts, entries, likely, scope)
+    entries = further_laws(problem, base.fitted, shorts, entries, likely, scope)
     general, failures = None, list[str]()
     left = least(base.fitted, entries).cost
     if left > FAR * left_by_noise(problem) and likely and scope.in_time():
