@@ -1,13 +1,17 @@
 """The README's examples are true; the third one is in test_embedded_diagnosis.py."""
 
 import json
+import re
 
 import pytest
 import readme
 from numpy.testing import assert_allclose
 from readme import ROOT, run
+from typer.testing import CliRunner
 
 import iwanjax as ij
+from iwanjax.cli import app
+from iwanjax.config.study import read_study
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +76,21 @@ def test_the_study_of_matrices_can_be_read(tmp_path):
 
 def test_there_are_no_others(examples):
     assert len(examples) == 4
+
+
+@pytest.mark.parametrize("to_the_end", [False, pytest.param(True, marks=pytest.mark.long)])
+def test_two_commands_lead_from_a_folder_to_a_verdict(tmp_path, monkeypatch, to_the_end):
+    lines = re.findall(
+        r"^iwanjax ((?:inspect|diagnose) .*?) +#", (ROOT / "README.md").read_text(), re.M
+    )
+    assert [line.split()[0] for line in lines] == ["inspect", "diagnose"]
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    for line in lines if to_the_end else lines[:1]:
+        done = CliRunner().invoke(app, line.split())
+        assert done.exit_code == 0, done.output
+    uses = [entry.use for entry in read_study(tmp_path / "look" / "study.yaml").recordings]
+    assert uses == ["fit"] * 3 + ["hold_out"]
+    if to_the_end:
+        told = json.loads((tmp_path / "results" / "hits" / "diagnosis.json").read_text())
+        assert told["verdict"] == "nothing_missing"
