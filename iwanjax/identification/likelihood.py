@@ -132,6 +132,16 @@ def left_by_noise(problem: HistoryProblem) -> float:
     return float(np.sum((OF_NOISE * problem.noise * weight) ** 2)) + problem.driven
 
 
+def left_by_right_model(problem: HistoryProblem) -> float:
+    """Squared residual that noise leaves and the errors that a right model may have.
+
+    Weights are one over both together, but while a force acts.
+    """
+    weight = np.asarray(problem.data.weight)
+    largest = np.max(weight, axis=1, keepdims=True)
+    return float(np.sum((weight / np.where(largest > 0.0, largest, 1.0)) ** 2)) + problem.driven
+
+
 def scale(
     problem: HistoryProblem,
     fitted: HypothesisFit,

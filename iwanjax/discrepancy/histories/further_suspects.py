@@ -33,7 +33,7 @@ from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.estimation.multistart import alike
 from iwanjax.identification import hypotheses
 from iwanjax.identification.columns import unit_effects
-from iwanjax.identification.likelihood import evidence, left_by_noise
+from iwanjax.identification.likelihood import evidence, left_by_noise, left_by_right_model
 from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
@@ -159,7 +159,7 @@ def further_laws(
         Where something acts most likely, in order.
     """
     best, known = least(nominal, entries), problem.settings
-    enough = known.selection.misfit * left_by_noise(problem)
+    enough = known.selection.misfit * left_by_right_model(problem)
     kinds = [kind for kind in scope.kinds if isinstance(kind, JointKind) and kind.law]
     if not kinds or best.cost < enough:
         return entries

@@ -23,7 +23,7 @@ from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.identification import hypotheses
 from iwanjax.identification.joint_priors import joints_of
-from iwanjax.identification.likelihood import left_by_noise
+from iwanjax.identification.likelihood import left_by_noise, left_by_right_model
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
@@ -68,7 +68,7 @@ def with_joints_left_out(
 ) -> list[RankedFit]:
     """A joint more, where simple forces leave something or look much like one."""
     best, settings = least(nominal, entries), problem.settings
-    left = best.cost > settings.selection.misfit * left_by_noise(problem)
+    left = best.cost > settings.selection.misfit * left_by_right_model(problem)
     if not left and not like_a_joint(best):
         return entries
     known = [*(e.fitted.start for e in entries), *(c.start for c in candidates)]
@@ -90,7 +90,7 @@ def with_joint_faults(
 ) -> list[RankedFit]:
     """Of pairs either with a joint in its place; and joints that stick, where much is left."""
     best, settings = least(nominal, entries), problem.settings
-    left = best.cost > settings.selection.misfit * left_by_noise(problem)
+    left = best.cost > settings.selection.misfit * left_by_right_model(problem)
     pairs = [e.fitted for e in sorted(entries, key=cost_of) if len(e.fitted.hypothesis.kinds) == 2]
     if not left and not (pairs and like_a_joint(best)):
         return entries
