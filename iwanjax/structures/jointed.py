@@ -9,10 +9,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.errors import InputError
+from iwanjax.files import nearest
 from iwanjax.joints import AbstractJoint
 from iwanjax.joints.force_law import AbstractForceLaw, PlaceMotion
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.linear import LinearStructure, Modes
+from iwanjax.structures.model_file import Model
 from iwanjax.types import ArrayLike, is_traced
 
 # What is left of a unit row that others explain to all but round-off.
@@ -53,19 +55,24 @@ class JointedStructure(eqx.Module):
 
     Parameters
     ----------
-    structure : LinearStructure
-        The structure without joints.
-    joints : mapping of str to (row, joint)
-        For each label the (n,) row with deflection d = row @ u, and the element. None at all
+    structure : LinearStructure or Model
+        The structure without joints, or a model of it whose rows have names.
+    joints : mapping of str to (row, joint) or joint
+        For each label the (n,) row with deflection d = row @ u, and the element; the element alone
+        sits at the model's row of that name. None at all
         is a linear structure, of which modes, time integration and a diagnosis are to be had.
         An inertia is no joint among the others: it is added to the mass matrix,
         :math:`M + m\,b b^T`, and moves with every mode from then on.
+    zeta : float or (k,) array_like, optional
+        Damping ratio of all elastic modes at low amplitude, where every joint sticks, or of the
+        first k (Eqs. 2.25, 3.19), for a structure without damping of its own.
 
     Raises
     ------
     InputError
         For rows of wrong length, zero or not finite, for things that are not joints, where
-        the joints' stiffness makes the structure unstable, and for a batch of inertias.
+        the joints' stiffness makes the structure unstable, for a batch of inertias, a joint
+        without a row, and for zeta beside a damping matrix.
 
     Examples
     --------
@@ -76,6 +83,9 @@ class JointedStructure(eqx.Module):
     >>> bolted = ij.JointedStructure(masses, {"J1": ([-1.0, 1.0], joint)})  # between the masses
     >>> bolted.modes().omega.round(4).tolist()
     [0.6472, 1.8924]
+    >>> damped = ij.JointedStructure(masses, {"J1": ([-1.0, 1.0], joint)}, zeta=0.01)
+    >>> bool((damped.structure.C != 0.0).all())
+    True
     """
 
     structure: LinearStructure
@@ -86,16 +96,23 @@ class JointedStructure(eqx.Module):
 
     def __init__(
         self,
-        structure: LinearStructure,
-        joints: Mapping[str, tuple[ArrayLike, AbstractJoint]],
+        structure: LinearStructure | Model,
+        joints: Mapping[str, tuple[ArrayLike, AbstractJoint] | AbstractJoint],
+        zeta: ArrayLike | None = None,
     ):
+        known: Mapping[str, np.ndarray] = {}
+        if isinstance(structure, Model):
+            known, structure = structure.rows, structure.structure
         if not isinstance(structure, LinearStructure):
             raise InputError(
-                f"JointedStructure expects a LinearStructure, got {type(structure).__name__}"
+                "JointedStructure expects a LinearStructure or a model that has one, got "
+                f"{type(structure).__name__}"
             )
         if not isinstance(joints, Mapping):
             raise InputError("JointedStructure expects a mapping {label: (row, joint)}")
-        entries = {label: _entry(label, entry, structure.size) for label, entry in joints.items()}
+        entries = {
+            label: _entry(label, entry, structure.size, known) for label, entry in joints.items()
+        }
         if is_traced(list(entries.values()), structure):
             raise InputError(
                 "JointedStructure cannot be built from what is being traced: build it once outside "
@@ -119,6 +136,10 @@ class JointedStructure(eqx.Module):
             structure.M, structure.C, np.asarray(structure.K) + (B.T * stiffness) @ B
         )
         omega, Phi = stuck.modes()
+        if zeta is not None:
+            if np.any(structure.C):
+                raise InputError("zeta: the structure has a damping matrix C; expected one of both")
+            structure = LinearStructure(structure.M, stuck.damping_matrix(zeta), structure.K)
         self.structure = structure
         self.labels = tuple(labels)
         self.rows = jnp.asarray(B)
@@ -231,10 +252,20 @@ class JointedStructure(eqx.Module):
         return LinearStructure(self.structure.M, self.structure.C, K + (B.T * stiffness) @ B)
 
 
-def _entry(label: str, entry: object, n: int) -> tuple[np.ndarray, AbstractJoint]:
-    """One checked (row, joint) pair."""
+def _entry(
+    label: str, entry: object, n: int, known: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, AbstractJoint]:
+    """One checked (row, joint) pair, of a joint alone with the row of its name."""
     if not isinstance(label, str):
         raise InputError(f"joint label {label!r} is not a string")
+    if isinstance(entry, AbstractJoint):
+        if label not in known:
+            raise InputError(
+                f"joint {label!r} has no row: expected (row, joint)"
+                + (f", or one of the model's rows {', '.join(known)}" if known else "")
+                + nearest(label, known)
+            )
+        entry = (known[label], entry)
     if not isinstance(entry, tuple | list) or len(entry) != 2:
         raise InputError(f"joint {label!r}: expected (row, joint), got {type(entry).__name__}")
     row = finite_array(entry[0], f"row of joint {label!r}")

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import iwanjax as ij
 from iwanjax.dynamics.steady_state import parameter_set
+from iwanjax.structures.model_file import Model
 from iwanjax.structures.modification import modified_modes
 from iwanjax.updating.structural import structural_parameters
 
@@ -103,7 +104,7 @@ def test_modified_frequency_has_the_right_gradient():
 
 STRUCTURE = ij.LinearStructure(10 * np.eye(3), None, ij.three_mass().structure.K)
 BAD_JOINTS = {
-    "no structure": ((np.eye(3), {"J": (ROW, JOINT)}), "expects a LinearStructure, got ndarray"),
+    "no structure": ((np.eye(3), {"J": (ROW, JOINT)}), "expects a LinearStructure .*, got ndarray"),
     "a list": ((STRUCTURE, [(ROW, JOINT)]), "expects a mapping"),
     "short row": ((STRUCTURE, {"J": (ROW[:2], JOINT)}), r"row of joint 'J' has shape \(2,\)"),
     "NaN in the row": ((STRUCTURE, {"J": (ROW * np.nan, JOINT)}), "row of joint 'J' holds 3 NaN"),
@@ -112,7 +113,34 @@ BAD_JOINTS = {
     "swapped": ((STRUCTURE, {"J": (JOINT, ROW)}), "row of joint 'J'"),
     "row alone": ((STRUCTURE, {"J": ROW}), r"joint 'J': expected \(row, joint\)"),
     "label": ((STRUCTURE, {1: (ROW, JOINT)}), "label 1 is not a string"),
+    "no row": ((STRUCTURE, {"J": JOINT}), r"joint 'J' has no row: expected \(row, joint\)$"),
+    "unknown row": (
+        (Model(STRUCTURE, {"J1": ROW}, {}, {}), {"J": JOINT}),
+        "joint 'J' has no row: .* one of the model's rows J1; did you mean 'J1'",
+    ),
+    "damping twice": (
+        (ij.LinearStructure(np.eye(3), np.eye(3), STRUCTURE.K), {"J": (ROW, JOINT)}, 0.01),
+        "the structure has a damping matrix C",
+    ),
+    "negative zeta": ((STRUCTURE, {"J": (ROW, JOINT)}, -0.01), "negative damping ratio"),
 }
+
+
+def test_joints_sit_at_the_model_s_rows_of_their_names():
+    model = Model(STRUCTURE, {"J1": ROW, "other": 2.0 * ROW}, {}, {})
+    found = ij.JointedStructure(model, {"J1": JOINT})
+    expected = ij.JointedStructure(STRUCTURE, {"J1": (ROW, JOINT)})
+    assert eqx.tree_equal(found, expected)
+
+
+def test_damping_is_that_of_the_modes_with_sticking_joints():
+    zeta = [0.01, 0.02]
+    damped = ij.JointedStructure(STRUCTURE, {"J1": (ROW, JOINT)}, zeta=zeta)
+    omega, Phi = damped.modes()
+    modal = np.asarray(Phi).T @ np.asarray(damped.structure.C) @ np.asarray(Phi)
+    np.testing.assert_allclose(
+        modal, np.diag(2.0 * np.append(zeta, 0.0) * np.asarray(omega)), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("case", BAD_JOINTS)

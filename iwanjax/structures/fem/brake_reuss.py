@@ -217,8 +217,7 @@ def brake_reuss_beam(
     >>> import iwanjax as ij
     >>> from iwanjax.structures.fem.brake_reuss import BRAKE_REUSS_Y_SPRINGS
     >>> beam = ij.brake_reuss_beam(size=40.0, modes=3).model(BRAKE_REUSS_Y_SPRINGS)  # a coarse mesh
-    >>> joints = {name: (beam.rows[name], joint) for name, joint in ij.brake_reuss_joints().items()}
-    >>> ij.JointedStructure(beam.structure, joints).labels
+    >>> ij.JointedStructure(beam, ij.brake_reuss_joints(), zeta=3e-4).labels
     ('J1.x', 'J2.x', 'J3.x', 'J4.x', 'J5.x')
     """
     options = {

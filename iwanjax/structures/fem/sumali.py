@@ -182,8 +182,7 @@ def sumali_beam(
     --------
     >>> import iwanjax as ij
     >>> beam = ij.sumali_beam(size=0.05, modes=4).model()  # a coarse mesh
-    >>> joints = {name: (beam.rows[name], joint) for name, joint in ij.sumali_joints().items()}
-    >>> ij.JointedStructure(beam.structure, joints).labels
+    >>> ij.JointedStructure(beam, ij.sumali_joints()).labels
     ('J1.x', 'J2.x', 'J3.x', 'J4.x')
     """
     options = {
