@@ -96,3 +96,8 @@ def test_the_corrected_model_simulates_and_the_diagnosis_is_saved(verdict, tmp_p
     assert again.summary() == verdict.summary()
     assert again.model.labels == verdict.model.labels == ("J1", "cubic_stiffness@m3-ground")
     assert "m3 and ground" in again._repr_html_()
+
+
+def test_its_picture_says_which_sensor_and_unit(verdict):
+    (whole, *_) = ij.plotting.plot_prediction(verdict).axes
+    assert whole.get_ylabel() in {f"a{i} (grey), left over\n(m/s^2)" for i in (1, 2, 3)}

@@ -23,6 +23,7 @@ from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.effects.wording import noun, place, sentence, share, sizes
 from iwanjax.results import AbstractResult
 from iwanjax.settings.stages import settings
+from iwanjax.signals.recording import Channel
 from iwanjax.structures import JointedStructure
 from iwanjax.tables import Block, without_empty_columns
 
@@ -87,6 +88,8 @@ class Diagnosis(AbstractResult):
         The force that no name fits, where one was fitted.
     force_noise : tuple of ForceNoise
         The same of each force.
+    sensors : tuple of Channel
+        Names and units of the runs' columns; none for curves and loops.
 
     Examples
     --------
@@ -128,6 +131,7 @@ class Diagnosis(AbstractResult):
     unnamed: UnnamedForce | None = field(default=None, repr=False)
     places: tuple[PlaceEvidence, ...] = field(default=(), repr=False)
     force_noise: tuple[ForceNoise, ...] = field(default=(), repr=False)
+    sensors: tuple[Channel, ...] = field(default=(), repr=False)
 
     @property
     def noise_floor_is_lower_bound(self) -> bool:

@@ -106,10 +106,23 @@ class AbstractSensorFault(AbstractFault):
 
 
 class AbstractForceFault(AbstractFault):
-    """A fault of the channel of a measured force: another force than the measured one acted."""
+    """A fault of the channel of a measured force: another force than the measured one acted.
+
+    Attributes
+    ----------
+    last : bool
+        Whether it comes after all others on the way from the force to its record.
+    """
+
+    last: ClassVar[bool] = False
 
     @abc.abstractmethod
-    def acted(self, measured: Float[np.ndarray, " N"], size: float) -> Float[np.ndarray, " N"]:
+    def acted(
+        self,
+        measured: Float[np.ndarray, " N"],
+        size: float,
+        lost: Float[np.ndarray, " N"],
+    ) -> Float[np.ndarray, " N"]:
         """The force that acted, of one recording.
 
         Parameters
@@ -118,6 +131,8 @@ class AbstractForceFault(AbstractFault):
             Zero outside its pulses.
         size : float
             In its unit, see :meth:`unit`.
+        lost : (N,) array
+            What was cut off its peaks, at a guess; zero where it is not clipped.
         """
 
 

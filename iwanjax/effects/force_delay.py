@@ -21,7 +21,7 @@ class ForceDelay(AbstractForceFault):
         """One sample."""
         return dt
 
-    def acted(self, measured: np.ndarray, size: float) -> np.ndarray:
+    def acted(self, measured: np.ndarray, size: float, lost: np.ndarray) -> np.ndarray:
         """The measured force so much later, by a windowed sinc (Kaiser 1974)."""
         apart = size - np.arange(-_HALF, _HALF + 1)
         inside = np.sqrt(np.maximum(1.0 - (apart / (_HALF + 1)) ** 2, 0.0))

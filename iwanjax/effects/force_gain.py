@@ -10,7 +10,7 @@ from iwanjax.joints import ParameterInfo
 class ForceGain(AbstractForceFault):
     """The channel shows 1 + size times the force that acted."""
 
-    def acted(self, measured: np.ndarray, size: float) -> np.ndarray:
+    def acted(self, measured: np.ndarray, size: float, lost: np.ndarray) -> np.ndarray:
         """The measured force over the channel's factor."""
         return measured / (1.0 + size)
 

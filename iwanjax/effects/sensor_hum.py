@@ -48,8 +48,9 @@ class SensorHum(AbstractAddedFault):
         for mains in _MAINS:
             if mains * (1.0 + _OFF) * dt < END:
                 own = np.arange(mains * (1.0 - _OFF), mains * (1.0 + _OFF), step)
-                band = (own[0], own[0] + step * own.size)
-                power = np.abs(zoom_fft(left, band, own.size, fs=1.0 / dt, axis=1)) ** 2
+                # In half sampling rates.
+                band = 2.0 * dt * np.array([own[0], own[0] + step * own.size])
+                power = np.abs(zoom_fft(left, band, own.size, axis=1)) ** 2
                 best = int(np.argmax(power.sum(axis=0)))
                 found.append((float(power.sum(axis=0)[best]), float(own[best])))
         if not found:

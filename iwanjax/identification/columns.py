@@ -196,7 +196,7 @@ def force_faults(
     """Faults of every measured force: what force acts more, for each unit of the size at zero."""
     if problem.forces is None:
         return []
-    measured, rows = problem.forces.clean, problem.forces.rows
+    measured, lost, rows = problem.forces.clean, problem.forces.lost, problem.forces.rows
     ground = np.asarray(problem.predictor.ground.inputs)
     blank = np.zeros((len(problem.predictor.faults), len(problem.noise)))
 
@@ -210,7 +210,12 @@ def force_faults(
             continue
         for i, label in enumerate(inputs):
             ends = (
-                np.stack([kind.acted(force, size) for force in measured[..., i]])
+                np.stack(
+                    [
+                        kind.acted(force, size, cut)
+                        for force, cut in zip(measured[..., i], lost[..., i], strict=True)
+                    ]
+                )
                 for size in (DIFFERENCE, -DIFFERENCE)
             )
             more = np.subtract(*ends) / (2.0 * DIFFERENCE)

@@ -62,6 +62,8 @@ class MeasuredForces:
     ----------
     clean : (recordings, N, inputs) array
         Zero outside their pulses, and in free decays.
+    lost : (recordings, N, inputs) array
+        What was cut off their peaks, at a guess.
     moving : (recordings,) array of bool
         Whether a recording begins in motion, so that its first sample counts.
     cut : (recordings,) array of bool
@@ -75,6 +77,7 @@ class MeasuredForces:
     """
 
     clean: Float[np.ndarray, "recordings N inputs"]
+    lost: Float[np.ndarray, "recordings N inputs"]
     moving: np.ndarray
     cut: np.ndarray
     noise: Float[np.ndarray, "recordings inputs"]
@@ -129,7 +132,7 @@ def conditioned(
         For recordings that are not finite, and those whose forces are all zero.
     """
     rows, noises, freedoms, warnings = [], [], [], []
-    forces = np.zeros((len(recordings), length, modal.W.shape[1]))
+    forces, lost = np.zeros((2, len(recordings), length, modal.W.shape[1]))
     cycles = (
         math.sqrt(np.max(np.asarray(made.omega2)))
         * float(made.dt)
@@ -155,6 +158,7 @@ def conditioned(
                 known = noisy.deviation
                 force = replace(force, noise=np.where(np.isnan(known), force.noise, known))
             forces[i, : len(response)] = force.clean
+            lost[i, : len(response)] = each.cut_off(force.clean)
             felt = _felt(made, modal, force, settings)
             unsure = _unsure(made, modal, force, settings)
             kick[min(force.last + 1, len(response) - 1)] = 1.0
@@ -200,7 +204,7 @@ def conditioned(
     which = np.arange(count) % len(rows)
     moving = np.array([each.moving for each in recordings])
     acted = MeasuredForces(
-        forces[which], moving[which], cut[which], lasting[which], modal, settings
+        forces[which], lost[which], moving[which], cut[which], lasting[which], modal, settings
     )
     return ConditionedRecordings(
         names, data, np.stack(noises), np.stack(freedoms), tuple(warnings), acted

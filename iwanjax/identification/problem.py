@@ -62,8 +62,9 @@ class Hypothesis:
 
     @property
     def of_forces(self) -> list[int]:
-        """Slots with a fault of a measured force."""
-        return [i for i, kind in enumerate(self.kinds) if isinstance(kind, AbstractForceFault)]
+        """Slots with a fault of a measured force: what came last is undone first."""
+        slots = [i for i, kind in enumerate(self.kinds) if isinstance(kind, AbstractForceFault)]
+        return sorted(slots, key=lambda i: not getattr(self.kinds[i], "last", False))
 
     @property
     def added(self) -> dict[int, AbstractAddedFault]:
@@ -222,8 +223,8 @@ class HistoryProblem:
             fault, which = hypothesis.kinds[slot], hypothesis.channels[slot]
             assert isinstance(fault, AbstractForceFault)
             size = hypothesis.physical(theta.mean(axis=0), self.map, slot)[0] / fault.unit(dt)
-            for force in acted:
-                force[:, which] = fault.acted(force[:, which], size)
+            for force, lost in zip(acted, self.forces.lost, strict=True):
+                force[:, which] = fault.acted(force[:, which], size, lost[:, which])
         more = self.forces.pushed(self.predictor, acted - self.forces.clean)
         return self.data._replace(push=jax.device_put(np.asarray(self.data.push) + more))
 

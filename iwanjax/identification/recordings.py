@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
+from iwanjax.signals.clipping import cut_off
 from iwanjax.signals.force_noise import BESIDE_PULSES, InputNoise, of_endless
 from iwanjax.signals.noise import (
     NoiseLevel,
@@ -52,6 +53,9 @@ class StudyRecording:
         does not show it any more.
     force_noise : InputNoise or None
         Of its forces; None likewise (:func:`force_noise_of`).
+    lost : (N, inputs) array or None
+        What was cut off the peaks of its forces, at a guess; None leaves that to them. One that
+        was resampled does not show it any more.
     """
 
     name: str
@@ -61,6 +65,12 @@ class StudyRecording:
     initial: Initial | None = None
     noise: SensorNoise | None = None
     force_noise: InputNoise | None = None
+    lost: Float[np.ndarray, "N inputs"] | None = None
+
+    def cut_off(self, force: Float[np.ndarray, "N inputs"]) -> Float[np.ndarray, "N inputs"]:
+        """What was cut off the peaks of its forces, of which ``force`` is what is clean."""
+        guessed = map(cut_off, force.T)
+        return np.stack(list(guessed), axis=1) if self.lost is None else self.lost
 
     @property
     def measured(self) -> np.ndarray:

@@ -193,10 +193,21 @@ def at_rate(
         force = filtered(force, "constant" if at_rest else before)[kept]
     noise = noise_of(known).where(~np.isnan(given), as_given(given))
     noise = noise.times(math.sqrt(new / rate))
+    # A limit that was filtered is none: what it cut off goes through the same filter.
+    lost = None if clean is None else recording.cut_off(clean.clean)
+    if lost is not None:
+        lost = filtered(lost, "constant" if at_rest else before)[kept]
     of_forces = known.force_noise
     if of_forces is not None:
         of_forces = of_forces.times(math.sqrt(new / rate))
-    found = replace(known, response=response[kept], force=force, noise=None, force_noise=of_forces)
+    found = replace(
+        known,
+        response=response[kept],
+        force=force,
+        noise=None,
+        force_noise=of_forces,
+        lost=lost,
+    )
     if new < rate:
         by_bands = np.isin(noise.source, (QUIET_BANDS, WHOLE_BAND))
         felt = None if force is None else cleaned(force).clean
@@ -225,7 +236,7 @@ def at_one_rate(
         line = f"{each.name} was measured at {own:.6g} Hz and is compared at {rate:.6g} Hz"
         if own < rate:
             line += f"; it shows nothing above {0.5 * own:.6g} Hz"
-        if _clipped(each):
+        if any(map(clipped_samples, each.response.T)):
             line += "; it is clipped, which a filter hides: measure it at the others' rate"
         told.append(line)
     return found, rate, tuple(told)

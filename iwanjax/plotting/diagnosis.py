@@ -140,7 +140,10 @@ def plot_prediction(diagnosis: Diagnosis, recording: str | None = None) -> Figur
         panels[2].semilogy(
             *amplitude_spectrum(x, diagnosis.sampling_rate), color=colour, linewidth=0.6
         )
-    panels[0].set_ylabel("Measured (grey), left over\n(recording's unit)")
+    sensor = diagnosis.sensors[channel] if diagnosis.sensors else None
+    unit = (sensor and sensor.unit) or "recording's unit"
+    seen = f"{sensor.name} (grey), left over" if sensor else "Measured (grey), left over"
+    panels[0].set_ylabel(f"{seen}\n({unit})")
     for panel in panels[:2]:
         panel.set_xlabel("Time (s)")
     panels[2].set_xlabel("Frequency (Hz)")

@@ -1,7 +1,7 @@
 """Finding overloads: samples that rest at a signal's extremes."""
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from iwanjax.errors import InputError
 from iwanjax.types import ArrayLike
@@ -11,6 +11,8 @@ _SHORTEST_RUN = 3
 _EXTREME = 0.5
 # How many deviations of the noise make neighbours equal that are not.
 _NOISE = 2.0
+# Relative difference of samples that rest at the same limit.
+_SAME = 1e-6
 
 
 def clipped_samples(x: ArrayLike) -> int:
@@ -48,6 +50,48 @@ def clipped(x: ArrayLike) -> Bool[np.ndarray, " N"]:
         if np.max(side[np.isfinite(side)]) >= _EXTREME * largest:
             found |= _clipped_above(side, spread)
     return found
+
+
+def cut_off(x: ArrayLike) -> Float[np.ndarray, " N"]:
+    r"""What clipping cut off the peaks of a signal, at a guess; zero elsewhere.
+
+    Between the times a and b, where its flanks reach the limit, a parabola that goes on from them:
+
+    .. math:: \frac{|F'(a)| + |F'(b)|}{2 (b - a)} (t - a)(b - t)
+
+    Parameters
+    ----------
+    x : (N,) array_like
+        Signal of any unit. Its two limits need not be of one size: it may have had an offset.
+    """
+    x = np.asarray(x, dtype=np.float64).ravel()
+    flat = clipped(x)
+    return _cut_off_above(x, flat) - _cut_off_above(-x, flat)
+
+
+def _cut_off_above(x: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """What was cut above the largest value; nothing where that is not flat."""
+    top = np.max(x)
+    lost = np.zeros_like(x)
+    at_top = x >= top - _SAME * np.max(np.abs(x))
+    if not np.any(at_top & flat):
+        return lost
+    edges = np.diff(np.concatenate([[False], at_top, [False]]).astype(int))
+    runs = zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True)
+    for first, last in runs:
+        if first < 2 or last > len(x) - 3:
+            continue
+        up, down = x[first - 1] - x[first - 2], x[last + 1] - x[last + 2]
+        if min(up, down) <= 0.0:
+            continue
+        # Between samples, where the flanks reach the limit.
+        begin = first - 1 + min(1.0, (top - x[first - 1]) / up)
+        end = last + 1 - min(1.0, (top - x[last + 1]) / down)
+        at = np.arange(first, last + 1)
+        if end > begin:
+            arch = np.maximum((at - begin) * (end - at), 0.0)
+            lost[first : last + 1] = 0.5 * (up + down) / (end - begin) * arch
+    return lost
 
 
 def _deviation(x: np.ndarray) -> float:

@@ -19,7 +19,7 @@ from iwanjax.identification.recordings import force_noise_of
 from iwanjax.identification.resampling import at_one_rate
 from iwanjax.identification.steady.cycle import InteractingMode
 from iwanjax.settings.conditioning import CONDITIONING
-from iwanjax.signals import ForceLoop, Recording
+from iwanjax.signals import Channel, ForceLoop, Recording
 from iwanjax.structures import JointedStructure
 from iwanjax.studies.fits import of_one_quantity
 from iwanjax.studies.measured import MeasuredMode, forces_of, measured_modes
@@ -186,8 +186,8 @@ def _structure(study: StudySetup, budget: float, progress: Progress) -> Diagnosi
         seed=study.seed,
         progress=progress,
     )
-    more = known.resampled
-    return replace(verdict, warnings=(*verdict.warnings, *more)) if more else verdict
+    warnings = (*verdict.warnings, *known.resampled)
+    return replace(verdict, warnings=warnings, sensors=known.sensors)
 
 
 class Histories(NamedTuple):
@@ -205,6 +205,8 @@ class Histories(NamedTuple):
         What else a comparison is told, by the names of its arguments.
     resampled : tuple of str
         What was changed for that rate.
+    sensors : tuple of Channel
+        In the order of the responses' columns, as the first recording has them.
     """
 
     structure: JointedStructure
@@ -212,6 +214,7 @@ class Histories(NamedTuple):
     sampling_rate: float
     about: dict[str, Any]
     resampled: tuple[str, ...]
+    sensors: tuple[Channel, ...]
 
 
 def histories_of(study: StudySetup, verb: str) -> Histories:
@@ -246,7 +249,8 @@ def histories_of(study: StudySetup, verb: str) -> Histories:
             f"{study.label}: no recordings of kind transient, free_decay, curves or loop; diagnose "
             "needs time histories, curves of modes, or loops of joints"
         )
-    sensors, quantity = _common(study, [recording for _, _, recording in measured])
+    channels, quantity = _common(study, [recording for _, _, recording in measured])
+    sensors = [channel.name for channel in channels]
     transients = [
         StudyRecording(
             name,
@@ -283,13 +287,14 @@ def histories_of(study: StudySetup, verb: str) -> Histories:
         "noise": study.noise,
         "trust": study.trust,
     }
-    return Histories(structure, transients, rate, about, tuple(resampled))
+    return Histories(structure, transients, rate, about, tuple(resampled), channels)
 
 
-def _common(study: StudySetup, recordings: list[Recording]) -> tuple[list[str], Any]:
+def _common(study: StudySetup, recordings: list[Recording]) -> tuple[tuple[Channel, ...], Any]:
     """Sensors of all recordings, and the quantity that they have in common."""
     assert study.model is not None
     channels = [channel for recording in recordings for channel in recording.channels]
+    by_name = {channel.name: channel for channel in reversed(channels)}
     names = list(dict.fromkeys(channel.name for channel in channels))
     quantities = {channel.quantity for channel in channels}
     unknown = [name for name in names if name not in study.model.sensors]
@@ -303,7 +308,7 @@ def _common(study: StudySetup, recordings: list[Recording]) -> tuple[list[str], 
             f"{study.label}: sensors measure {', '.join(sorted(map(str, quantities)))}; expected "
             "all acceleration, velocity or displacement"
         )
-    return names, quantities.pop()
+    return tuple(by_name[name] for name in names), quantities.pop()
 
 
 def _part(entry: RecordingEntry, recording: Recording) -> Recording:

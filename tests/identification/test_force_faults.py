@@ -16,6 +16,7 @@ from iwanjax.identification.hypotheses import channel
 from iwanjax.identification.linearise import linearise, residuals_at
 from iwanjax.identification.multistart import multistart
 from iwanjax.identification.problem import Start
+from iwanjax.signals.clipping import cut_off
 
 INPUTS = ("m1", "m2")
 PEAK, SHIFT, LIMIT = 80.0, 1.3, 60.0
@@ -124,7 +125,7 @@ def test_a_fault_of_a_force_is_found_with_its_size(hits, name):
 @pytest.mark.parametrize("share", [0.02, 0.2, 0.35])
 def test_a_late_force_is_shifted_back_at_all_frequencies_that_are_compared(late, share):
     n = np.arange(300.0)
-    found = DELAY.acted(np.sin(2.0 * np.pi * share * n), late)
+    found = DELAY.acted(np.sin(2.0 * np.pi * share * n), late, 0.0 * n)
     expected = np.sin(2.0 * np.pi * share * (n + late))
     np.testing.assert_allclose(found[30:-30], expected[30:-30], rtol=0.0, atol=1e-3)
 
@@ -133,8 +134,8 @@ def test_peaks_that_were_cut_come_back_and_others_stay():
     n = np.arange(2000.0)
     wave = np.sin(0.002 * n * (1.0 + 0.02 * n))
     cut = np.clip(wave, -0.75, 0.75)
-    back = SATURATION.acted(cut, 1.0)
+    back = SATURATION.acted(cut, 1.0, cut_off(cut))
     lost = np.abs(wave) > 0.75
     np.testing.assert_array_equal(back[~lost], wave[~lost])
     assert np.std((back - wave)[lost]) < 0.1 * np.std((cut - wave)[lost])
-    np.testing.assert_array_equal(SATURATION.acted(wave, 1.0), wave)
+    np.testing.assert_array_equal(SATURATION.acted(wave, 1.0, cut_off(wave)), wave)

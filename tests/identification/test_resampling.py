@@ -166,6 +166,23 @@ def test_a_clipped_recording_keeps_its_rate():
     assert working_rate([cut, slow], [4 * RATE, RATE]) == 4 * RATE
 
 
+def test_what_a_limit_cut_off_a_force_is_known_at_a_lower_rate():
+    """A filtered limit shows nothing any more: the peaks go through the same filter."""
+    whole = measured(4 * RATE)
+    t = np.arange(len(whole.force)) / (4 * RATE)
+    force = 2.0 * np.sin(2 * np.pi * (20.0 + 30.0 * t) * t)[:, None]
+    limit = 1.2
+    cut = replace(whole, force=np.clip(force, -limit, limit))
+    expected, found = (
+        at_rate(each, 4 * RATE, RATE, UNKNOWN) for each in (replace(whole, force=force), cut)
+    )
+    missing = np.linalg.norm(expected.force - found.force)
+    assert missing > 0.2 * np.linalg.norm(expected.force)
+    back = found.force + found.cut_off(found.force)
+    assert np.linalg.norm(back - expected.force) < 0.15 * missing
+    assert not np.any(expected.cut_off(expected.force))
+
+
 def test_recordings_of_one_rate_stay_as_they_are():
     """Rates that are told by rounded times are one; what is short is left as it was measured."""
     both = [measured(4 * RATE), measured(4 * RATE, 0.2)]
