@@ -7,6 +7,7 @@ from pydantic import AfterValidator, Field
 from iwanjax.config.faults import fault
 from iwanjax.config.section import ConfigSection, Count, Index
 from iwanjax.estimation.settings import Method
+from iwanjax.signals.hilbert import Estimator
 
 
 def _even(count: int) -> int:
@@ -24,10 +25,13 @@ class RingdownSettings(ConfigSection):
         Relative deviation of the damping that each interval is made long enough for.
     order : int
         Order of the band's filter.
+    estimator : {"lines", "polynomial", "peaks", "short_time", "kalman"}
+        As of :func:`iwanjax.ringdown`.
     """
 
     precision: Annotated[float, Field(gt=0, lt=1)] = 0.02
     order: Count = 3
+    estimator: Estimator = "lines"
 
 
 class ModelErrorSettings(ConfigSection):

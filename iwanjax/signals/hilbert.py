@@ -1,8 +1,9 @@
 """Frequency and damping against amplitude from a free decay, by the Hilbert transform."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -17,12 +18,26 @@ from iwanjax.signals.decay_checks import (
     refuse_beats,
     refuse_no_decay,
 )
+from iwanjax.signals.decay_slopes import Decay, DecaySlopes
 from iwanjax.signals.filters import analytic_signal, band_pass_gain, check_band
 from iwanjax.signals.harmonic import without_harmonic
-from iwanjax.signals.interval_lines import before_the_filter, fit_lines, lines_curves
+from iwanjax.signals.interval_lines import before_the_filter, fit_lines, line_slopes
+from iwanjax.signals.kalman_decay import kalman_slopes
+from iwanjax.signals.peak_decay import peak_slopes
+from iwanjax.signals.polynomial_decay import polynomial_slopes
+from iwanjax.signals.short_time_decay import short_time_slopes
 from iwanjax.types import ArrayLike
 
 _FEWEST_INTERVALS = 3
+
+Estimator = Literal["lines", "polynomial", "peaks", "short_time", "kalman"]
+"""What makes frequency and damping of a decay's envelope and phase."""
+_OTHERS: dict[str, Callable[[Decay], DecaySlopes]] = {
+    "polynomial": polynomial_slopes,
+    "peaks": peak_slopes,
+    "short_time": short_time_slopes,
+    "kalman": kalman_slopes,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +128,7 @@ def ringdown(
     end: float | None = None,
     precision: float = 0.02,
     order: int = 3,
+    estimator: Estimator = "lines",
 ) -> RingDown:
     r"""Hilbert analysis of a free decay with piecewise-linear fits (thesis Sec. 2.2.2).
 
@@ -174,6 +190,12 @@ def ringdown(
         as the amplitude changes neither by less than 8 nor by more than 40 per cent in it.
     order : int
         Order of the Butterworth prototype.
+    estimator : {"lines", "polynomial", "peaks", "short_time", "kalman"}
+        Lines in intervals, as above, whose points are independent; one polynomial over the whole
+        decay, of the order that predicts best; lines through the logarithms and the times of the
+        peaks; a damped sine fitted to each interval; or a Kalman smoother. All tell points at the
+        same intervals, with deviations; those of a polynomial and of the smoother are correlated,
+        which a fit does not know.
 
     Returns
     -------
@@ -201,6 +223,10 @@ def ringdown(
         raise InputError(f"quantity = {quantity!r}: expected one of {', '.join(QUANTITIES)}")
     if not 0.0 < precision < 1.0:
         raise InputError(f"precision = {precision!r}: expected a fraction, for instance 0.02")
+    if estimator not in get_args(Estimator):
+        raise InputError(
+            f"estimator = {estimator!r}: expected one of {', '.join(get_args(Estimator))}"
+        )
     labels = {"quantity": quantity, "unit": unit, "name": name}
     span = decay_span(x, sampling_rate, band, order, start, end)
     remarks = []
@@ -219,7 +245,7 @@ def ringdown(
             f"until {span.first / sampling_rate:.4g} s something drives it: left out, "
             f"{(span.first - span.contact) / sampling_rate:.3g} s"
         )
-    found, begins = _analysed(x, sampling_rate, band, span, precision, order, labels)
+    found, begins = _analysed(x, sampling_rate, band, span, precision, order, labels, estimator)
     if begins < LEAST_DECAY:
         told = (
             f"the filter of ({band[0]:g}, {band[1]:g}) Hz takes {span.settled / sampling_rate:.3g} "
@@ -259,6 +285,7 @@ def _analysed(
     precision: float,
     order: int,
     labels: dict[str, str],
+    estimator: str = "lines",
 ) -> tuple[RingDown, float]:
     """The decay in a span, and its first amplitude over that with which the span begins."""
     derivatives = QUANTITIES[labels.get("quantity", "velocity")]
@@ -274,23 +301,29 @@ def _analysed(
             "settling and the noise are too short for three intervals; widen the band or record "
             "longer"
         )
-    lines = fit_lines(psi_1, psi_2, sampling_rate, edges, noise.at(edges))
+    time = np.arange(z.size) / sampling_rate
+    lines = fit_lines(time, psi_1, psi_2, edges, noise.at(edges))
     passed = np.log(band_pass_gain(lines.omega / (2.0 * math.pi), band, order))
     lines = before_the_filter(lines, passed)
     # From where the record begins: the hit itself may have gone further than what is left of it.
     whole = analytic_signal(centred(x[: span.stop]), sampling_rate, band, order)
     largest = float(np.max(np.abs(whole))) / float(np.exp(passed[0]))
-    curves = lines_curves(lines, derivatives, largest, labels)
     # A beat bends lines as well: by what the noise leaves of them it is seen.
-    refuse_beats(lines_curves(lines, derivatives, largest, {}, steps=False), band)
+    refuse_beats(line_slopes(lines, steps=False).curves(derivatives, largest, {}), band)
+    slopes = line_slopes(lines)
+    if estimator in _OTHERS:
+        own = _OTHERS[estimator](Decay(z, sampling_rate, edges, noise, band))
+        gain = np.log(band_pass_gain(own.omega / (2.0 * math.pi), band, order))
+        slopes = own.before_the_filter(gain)
+    curves = slopes.curves(derivatives, largest, labels)
     begin = span.first / sampling_rate
     released = np.max(np.abs(whole[span.first : span.first + span.settled + 1])) / np.exp(passed[0])
     found = RingDown(
         curves,
-        begin + lines.middle,
+        begin + slopes.time,
         begin + edges / sampling_rate,
-        begin + np.arange(z.size) / sampling_rate,
-        np.abs(z) / np.exp(np.interp(np.arange(z.size) / sampling_rate, lines.middle, passed)),
+        begin + time,
+        np.abs(z) / np.exp(np.interp(time, lines.middle, passed)),
         psi_2,
         np.sqrt(noise.at(0.5 * (edges[1:] + edges[:-1])) * (band[1] - band[0])),
         band,

@@ -1,18 +1,15 @@
-"""Lines fitted to envelope and phase in intervals of a decay, and the curves that follow."""
+"""Lines fitted to envelope and phase in intervals of a decay, and the slopes that follow."""
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from iwanjax.curves import ModalCurves
 from iwanjax.signals.decay_checks import NORMAL, SURE
+from iwanjax.signals.decay_slopes import DecaySlopes
 
-# Multiples of the correction to the midpoint and of that to the acceleration's envelope that
-# are taken as their deviations: beside a kink the first is wrong by up to twice itself, the
-# second is known to a tenth.
-_DOUBT, _DOUBT_OF_CONVENTION = 2.0, 0.1
+# Multiple of the correction to the midpoint that is taken as its deviation: beside a kink it is
+# wrong by up to twice itself.
+_DOUBT = 2.0
 
 
 @dataclass(frozen=True)
@@ -31,27 +28,39 @@ class Lines:
 
 
 def fit_lines(
+    time: np.ndarray,
     psi_1: np.ndarray,
     psi_2: np.ndarray,
-    sampling_rate: float,
     edges: np.ndarray,
     density: np.ndarray,
 ) -> Lines:
-    """Least-squares lines; noise is white near the carrier, with a density at each edge."""
+    """Least-squares lines through samples in each interval.
+
+    Parameters
+    ----------
+    time, psi_1, psi_2 : (samples,) array
+        s; logarithm of the envelope, phase.
+    edges : (intervals + 1,) array
+        The first sample of each interval, and one past the last.
+    density : (intervals + 1,) array
+        Of noise that is white near the carrier, at each edge.
+    """
     rows = []
     for i in range(edges.size - 1):
         a, b = edges[i], edges[i + 1]
-        t = np.arange(a, b) / sampling_rate
-        middle = 0.5 * (t[0] + t[-1])
+        t = time[a:b]
+        middle = np.mean(t)
         lever = (t - middle) / np.sum((t - middle) ** 2)
         bend = _bend(t)
         mean = np.full(t.size, 1.0 / t.size)
         # In-phase noise of the envelope and of the phase, relative to the amplitude.
-        variance = 0.5 * (density[i] + density[i + 1]) * sampling_rate * np.exp(-2.0 * psi_1[a:b])
+        width = np.ptp(t) * t.size / (t.size - 1)
+        white = 0.5 * (density[i] + density[i + 1]) * t.size / width
+        variance = white * np.exp(-2.0 * psi_1[a:b])
         rows.append(
             (
                 middle,
-                t.size / sampling_rate,
+                width,
                 mean @ psi_1[a:b],
                 mean**2 @ variance,
                 lever @ psi_1[a:b],
@@ -83,12 +92,9 @@ def before_the_filter(lines: Lines, passed: np.ndarray) -> Lines:
     )
 
 
-def lines_curves(
-    lines: Lines, derivatives: int, largest: float, labels: Mapping[str, str], steps: bool = True
-) -> ModalCurves:
-    """Values at the midpoints from the lines' averages, and what follows from them."""
+def line_slopes(lines: Lines, steps: bool = True) -> DecaySlopes:
+    """Values at the midpoints from the lines' averages."""
     to_middle, to_slope = _midpoint_operators(lines.middle, lines.width)
-    rate, omega = to_middle @ lines.rate, to_middle @ lines.omega
     noise = to_middle**2 @ lines.slope_variance
     correction = to_middle - np.eye(lines.middle.size)
     # What the noise does to a correction is in its variance already.
@@ -107,24 +113,16 @@ def lines_curves(
         more = np.maximum(step**2 - own_bend, 0.0) if steps else 0.0
         return _DOUBT**2 * np.maximum((correction @ slopes) ** 2 - own, 0.0) + more
 
-    # A line at its middle is the mean, which lies off the curve by its curvature.
-    height = lines.height - to_slope @ lines.rate * lines.width**2 / 24.0
-    amplitude = np.exp(height)
-    convention = (2 - derivatives) * (to_slope @ lines.omega) / omega
-    rate_std = np.sqrt(
-        noise + left(lines.rate, lines.rate_bend) + (_DOUBT_OF_CONVENTION * convention) ** 2
-    )
-    rate = rate + convention
-    natural = np.hypot(omega, rate)
-    return ModalCurves(
-        amplitude,
-        natural / (2.0 * math.pi),
-        -rate / natural,
-        amplitude_std=amplitude * np.sqrt(lines.height_variance),
-        frequency_std=np.sqrt(noise + left(lines.omega, lines.omega_bend)) / (2.0 * math.pi),
-        damping_std=rate_std / natural,
-        largest=max(largest, float(np.max(amplitude))),
-        **labels,
+    return DecaySlopes(
+        time=lines.middle,
+        # A line at its middle is the mean, which lies off the curve by its curvature.
+        height=lines.height - to_slope @ lines.rate * lines.width**2 / 24.0,
+        height_variance=lines.height_variance,
+        rate=to_middle @ lines.rate,
+        rate_variance=noise + left(lines.rate, lines.rate_bend),
+        omega=to_middle @ lines.omega,
+        omega_variance=noise + left(lines.omega, lines.omega_bend),
+        omega_slope=to_slope @ lines.omega,
     )
 
 

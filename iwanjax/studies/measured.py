@@ -255,6 +255,7 @@ def hit_of(
             end=end,
             precision=study.ringdown.precision,
             order=study.ringdown.order,
+            estimator=study.ringdown.estimator,
         )
     except InputError as error:
         return f"{entry.place if study.modal else ''}: {name}: {error}".lstrip(": ")

@@ -94,6 +94,48 @@ def test_the_deviations_cover_the_truth_as_often_as_they_say(draws, column):
     assert np.mean(z < 1.96) == pytest.approx(0.95, abs=0.04)
 
 
+@pytest.mark.parametrize("estimator", ["polynomial", "peaks", "short_time", "kalman"])
+@pytest.mark.parametrize(
+    ("decibel", "count"),
+    [
+        (50.0, 30),
+        *(
+            pytest.param(*each, marks=pytest.mark.long)
+            for each in ((30.0, 150), (50.0, 500), (70.0, 150))
+        ),
+    ],
+)
+def test_every_estimator_covers_the_truth_as_often_as_it_says(estimator, decibel, count):
+    """Few draws leave three per cent of chance to the first number, and as much to the other."""
+    deviation = np.sqrt(0.5) * 10.0 ** (-decibel / 20.0)
+    rng, clean = np.random.default_rng([2, int(decibel)]), flowing_signal()
+    z = []
+    for _ in range(count):
+        noisy = clean + deviation * rng.standard_normal(clean.size)
+        c = ringdown_curves(noisy, RATE, BAND, quantity="acceleration", estimator=estimator)
+        f, zeta = flow(np.asarray(c.amplitude))
+        z.append([(c.frequency - f) / c.frequency_std, (c.damping - zeta) / c.damping_std])
+    for each in np.abs(np.concatenate(z, axis=1)):
+        assert np.mean(each < 1.0) == pytest.approx(0.68, abs=0.08)
+        assert np.mean(each < 1.96) == pytest.approx(0.95, abs=0.04)
+
+
+@pytest.mark.parametrize("estimator", ["polynomial", "peaks", "short_time", "kalman"])
+def test_every_estimator_tells_the_decay_of_a_linear_mode(estimator):
+    ring = ringdown(record({}, noise=1e-6), RATE, BAND, "acceleration", estimator=estimator)
+    c = ring.curves
+    assert_allclose(c.frequency, 100.0, rtol=1e-5)
+    assert_allclose(c.damping, 2e-3, rtol=5e-3)
+    assert_allclose(c.amplitude, np.exp(-2e-3 * 200.0 * np.pi * ring.time), rtol=1e-3)
+    for std in (c.amplitude_std, c.frequency_std, c.damping_std):
+        assert np.all(np.asarray(std) > 0.0)
+
+
+def test_an_unknown_estimator_is_refused_by_name():
+    with pytest.raises(ij.InputError, match="estimator = 'kalmann': expected one of lines, poly"):
+        ringdown(record({}), RATE, BAND, estimator="kalmann")
+
+
 def test_the_mean_over_draws_is_the_truth_where_the_damping_is_known_to_a_tenth(draws):
     amplitude, f_error, _, zeta_error, _, share = draws
     x, trusted = np.log(amplitude), share < 0.1

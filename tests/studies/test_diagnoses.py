@@ -1,6 +1,7 @@
 """A study diagnoses by whatever it was given: the same verdicts as the function of each kind."""
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -134,7 +135,7 @@ def test_the_function_takes_a_study(monkeypatch):
 
 def test_the_function_takes_a_structure_and_recordings(monkeypatch):
     """Responses of sensors and forces at inputs, and free decays; two ways to hold one out."""
-    called = watched(monkeypatch, "diagnose_histories")
+    called = watched(monkeypatch, "diagnose_histories", answer=Said())
     x, f = forced.recording(900, 400.0, 1)
     words = {"sampling_rate": forced.RATE, "sensors": "d", "quantity": "displacement"}
     hit = ij.as_recording(x, f, inputs="f", name="hit", **words)
@@ -150,7 +151,7 @@ def test_the_function_takes_a_structure_and_recordings(monkeypatch):
         noise={"d": 1e-3},
         seed=4,
     )
-    assert answer == "verdict"
+    assert [(each.name, each.quantity) for each in answer.sensors] == [("d", "displacement")]
     (_, recordings, rate), options = called
     assert rate == forced.RATE
     assert [each.use for each in recordings] == ["fit", "hold_out", "hold_out"]
@@ -229,13 +230,21 @@ def curves_of(amplitude):
     return ij.ModalCurves(a, 0.1 - 1e-3 * a, 1e-3 + 1e-3 * a, quantity="displacement", **deviations)
 
 
-def watched(monkeypatch, name, module="diagnoses"):
+@dataclass(frozen=True)
+class Said:
+    """A verdict as far as a study adds to it."""
+
+    warnings: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
+
+
+def watched(monkeypatch, name, module="diagnoses", answer="verdict"):
     """What the function of a kind is called with, which then answers at once."""
     called = []
 
-    def answer(*arguments, **options):
+    def answered(*arguments, **options):
         called.extend((arguments, options))
-        return "verdict"
+        return answer
 
-    monkeypatch.setattr(f"iwanjax.studies.{module}.{name}", answer)
+    monkeypatch.setattr(f"iwanjax.studies.{module}.{name}", answered)
     return called

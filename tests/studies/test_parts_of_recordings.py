@@ -1,6 +1,6 @@
 """``from`` and ``to`` cut responses and forces alike, on the recording's own time axis."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,6 +13,14 @@ RATE = 100.0
 ONE = ij.oscillator(stiffness=30.0**2, joint=ij.Jenkins(F_S=1.0, K_T=700.0))
 ROW = {"m": np.ones(1)}
 X = np.random.default_rng(0).standard_normal((400, 2))
+
+
+@dataclass(frozen=True)
+class Said:
+    """A verdict as far as a study adds to it."""
+
+    warnings: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
 
 
 def recorded(time, response=X[:, 0], force=X[:, 1]):
@@ -29,7 +37,12 @@ def study(*recordings):
 def handed_over(monkeypatch, *recordings):
     """What a study's recordings become before they are diagnosed."""
     taken = []
-    monkeypatch.setattr(diagnoses, "diagnose_histories", lambda *given, **_: taken.append(given))
+
+    def said(*given, **_):
+        taken.append(given)
+        return Said()
+
+    monkeypatch.setattr(diagnoses, "diagnose_histories", said)
     study(*recordings).diagnose()
     return taken[0][1]
 
