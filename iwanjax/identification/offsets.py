@@ -26,6 +26,7 @@ def without_offsets(
     inputs: Sequence[str],
     quantity: Quantity,
     rigid: bool,
+    modes: Sequence[float] | np.ndarray = (),
 ) -> tuple[list[StudyRecording], list[str]]:
     """Recordings without the constant offsets that their channels show, and what was taken off.
 
@@ -45,6 +46,9 @@ def without_offsets(
         What the sensors measure.
     rigid : bool
         Whether the structure has rigid-body modes.
+    modes : (modes,) array, optional
+        Natural frequencies, cycles per sample: of a mode whose line lies beside that at zero the
+        motion is told from an offset.
 
     Returns
     -------
@@ -63,7 +67,7 @@ def without_offsets(
     ]
     first = [_begins(each) for each in recordings]
     seen = [
-        {name: _of_sensor(x, begin, bounded) for name, x in _named(sensors, each.response)}
+        {name: _of_sensor(x, begin, bounded, modes) for name, x in _named(sensors, each.response)}
         for each, begin in zip(recordings, first, strict=True)
     ]
     if not bounded:
@@ -144,11 +148,13 @@ def _left_in(
     )
 
 
-def _of_sensor(column: Float[np.ndarray, " N"], first: int, bounded: bool) -> Found | None:
+def _of_sensor(
+    column: Float[np.ndarray, " N"], first: int, bounded: bool, modes: Sequence[float] | np.ndarray
+) -> Found | None:
     if not np.all(np.isfinite(column)):
         return None
     if bounded:
-        return _of_line(column)
+        return _of_line(column, modes)
     quiet = before_force(column, first)
     if len(quiet) < CONDITIONING.enough:
         return None
@@ -171,21 +177,49 @@ def _mean_of(rest: np.ndarray, where: str) -> Found | None:
     return (mean, where) if abs(mean) > _beyond(count - 1) * unsure else None
 
 
-def _of_line(column: Float[np.ndarray, " N"]) -> Found | None:
-    mean, unsure = _line_at_zero(column)
+def _of_line(
+    column: Float[np.ndarray, " N"], modes: Sequence[float] | np.ndarray = ()
+) -> Found | None:
+    mean, unsure = _line_at_zero(column, modes)
     return (mean, "mean") if abs(mean) > unsure else None
 
 
-def _line_at_zero(column: Float[np.ndarray, " N"]) -> tuple[float, float]:
+def _line_at_zero(
+    column: Float[np.ndarray, " N"], modes: Sequence[float] | np.ndarray = ()
+) -> tuple[float, float]:
     """The mean under a Hann window, and what it may be by the spectrum beside it alone.
 
     Motion that begins and ends within the window, or goes on, adds nothing to it: of
-    an acceleration it sees the displacement times the window's second derivative.
+    an acceleration it sees the displacement times the window's second derivative. Modes whose
+    lines lie beside that at zero are taken out first, with amplitudes that change linearly.
     """
-    window = 1.0 - np.cos(2.0 * np.pi * np.arange(len(column)) / len(column))
-    lines = np.fft.rfft(window * column)[: max(_BESIDE) + 1] / len(column)
-    beside = np.sqrt(np.mean(np.abs(lines[list(_BESIDE)]) ** 2))
-    return float(np.real(lines[0])), float(_beyond(2 * len(_BESIDE)) * beside)
+    N = len(column)
+    n = np.arange(N)
+    window = 1.0 - np.cos(2.0 * np.pi * n / N)
+    turn = 2.0 * np.pi * np.outer(n / N, _apart(N * np.asarray(modes, float)))
+    waves = np.concatenate([np.cos(turn), np.sin(turn)], axis=1)
+    X = np.concatenate([np.ones((N, 1)), waves, waves * (n / N - 0.5)[:, None]], axis=1)
+    # Each amplitude takes as much from the lines that tell how unsure the mean is.
+    freedom = 2 * len(_BESIDE) - X.shape[1] + 1
+    if freedom <= 0:
+        return 0.0, np.inf
+    inverse = np.linalg.inv(X.T @ (window[:, None] * X))
+    fitted = inverse @ (X.T @ (window * column))
+    column = column - X[:, 1:] @ fitted[1:]
+    # By how much the amplitudes leave the mean open, over what it would be alone.
+    wider = float(np.sqrt(inverse[0, 0] * N))
+    lines = np.fft.rfft(window * column)[: max(_BESIDE) + 1] / N
+    beside = np.sqrt(np.sum(np.abs(lines[list(_BESIDE)]) ** 2) / (0.5 * freedom))
+    return float(np.real(lines[0])), float(_beyond(freedom) * beside * wider)
+
+
+def _apart(lines: np.ndarray) -> np.ndarray:
+    """Of modes within a line of one another the lowest, of those beside the line at zero."""
+    found: list[float] = []
+    for line in np.sort(lines[(lines > 0.0) & (lines < max(_BESIDE) + 1)]):
+        if not found or line > found[-1] + 1.0:
+            found.append(float(line))
+    return np.array(found)
 
 
 def _beyond(freedom: int) -> float:

@@ -60,6 +60,25 @@ def test_what_has_no_offset_stays_as_it_is(kind, seed):
         assert not told
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.01])
+def test_motion_of_a_slow_mode_is_told_from_an_offset(offset):
+    """A suspension's mode of three periods hides the offset of what hangs on it."""
+    slow = 0.75
+    motion = np.exp(-0.1 * T) * np.sin(2 * np.pi * slow * T + 1.0)
+    noise = NOISE * np.random.default_rng(4).standard_normal(N)
+    each = StudyRecording("rec", (motion + offset + noise)[:, None], None)
+    (alone,), told = without_offsets([each], ["a"], [], "acceleration", False)
+    assert alone.response is each.response
+    modes = np.array([slow, 1.02 * slow, 40.0]) / RATE
+    (found,), told = without_offsets([each], ["a"], [], "acceleration", False, modes)
+    if offset:
+        assert "a +0.0" in told[0]
+        assert_allclose(found.response, each.response - offset, atol=0.2 * offset)
+    else:
+        assert found.response is each.response
+        assert not told
+
+
 @pytest.mark.parametrize("kind", ["hammer", "random"])
 def test_the_mean_of_an_acceleration_is_an_offset(kind):
     clean, each = (recording(kind, "acceleration", offset=off) for off in (0.0, 0.01))

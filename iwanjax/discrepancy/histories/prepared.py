@@ -136,8 +136,9 @@ def prepared(
         name = tuple(sensors)[lacking[0]]
         raise InputError(f"diagnose: no recording has sensor {name}; leave it out")
     rigid = len(structure.basis.omega2) < structure.structure.size
+    modes = np.sqrt(np.asarray(structure.basis.omega2)) / (2.0 * math.pi * sampling_rate)
     recordings, taken_off = without_offsets(
-        recordings, list(sensors), list(inputs), quantity, rigid
+        recordings, list(sensors), list(inputs), quantity, rigid, modes
     )
     recordings = [replace(each, initial=initial_state(each)) for each in recordings]
     given = np.array([(noise or {}).get(name, math.nan) for name in sensors])
