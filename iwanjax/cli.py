@@ -150,7 +150,7 @@ def _options(
 def inspect_verb(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Recordings, their folder, or a file of matrices."),
+        typer.Argument(metavar="FILE", help="Recordings, their folder, or a file of matrices."),
     ],
     out: Annotated[
         Path | None, typer.Option(help="A folder for the same as JSON, figures and the study.")
