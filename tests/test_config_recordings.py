@@ -138,7 +138,11 @@ def test_recordings_of_modes(study_file, tmp_path):
 
 def test_settings(study_file):
     study = read_study(study_file(MODAL))
-    assert study.ringdown.model_dump() == {"precision": 0.05, "order": 4}
+    assert study.ringdown.model_dump() == {
+        "precision": 0.05,
+        "order": 4,
+        "estimator": "lines",
+    }
     assert study.fit.model_dump() == {
         "starts": 8,
         "seed": 7,
@@ -165,7 +169,11 @@ def test_settings(study_file):
 
 def test_settings_that_are_not_given(study_file):
     study = read_study(study_file(MODAL[: MODAL.index("bounds:")]))
-    assert study.ringdown.model_dump() == {"precision": 0.02, "order": 3}
+    assert study.ringdown.model_dump() == {
+        "precision": 0.02,
+        "order": 3,
+        "estimator": "lines",
+    }
     assert study.fit.model_dump() == {
         "starts": 64,
         "seed": 0,

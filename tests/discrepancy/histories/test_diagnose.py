@@ -297,6 +297,7 @@ def test_a_row_of_zeros_is_said():
     assert any("held out" in line for line in found.warnings)
 
 
+@pytest.mark.long
 def test_the_search_leaves_time_to_polish(monkeypatch):
     """By a clock that says three quarters of the time are over after the joints' refit.
 
