@@ -135,7 +135,8 @@ def left_by_noise(problem: HistoryProblem) -> float:
 def left_by_right_model(problem: HistoryProblem) -> float:
     """Squared residual that noise leaves and the errors that a right model may have.
 
-    Weights are one over both together, but while a force acts.
+    Weights are one over all of them together; while a force acts at times only, its own errors as
+    well, which then count for less. One that acts throughout is among them.
     """
     weight = np.asarray(problem.data.weight)
     largest = np.max(weight, axis=1, keepdims=True)

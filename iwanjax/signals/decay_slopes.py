@@ -77,7 +77,10 @@ class DecaySlopes:
     omega_slope: np.ndarray
 
     def before_the_filter(self, passed: np.ndarray) -> "DecaySlopes":
-        """As it was before a gain, exp(passed), that moves with frequency."""
+        """As it was before a gain, exp(passed), that moves with frequency.
+
+        Beside another mode the band's corner may be near: a third of the amplitude is lost there.
+        """
         return replace(
             self, height=self.height - passed, rate=self.rate - np.gradient(passed, self.time)
         )

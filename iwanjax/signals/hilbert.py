@@ -21,7 +21,7 @@ from iwanjax.signals.decay_checks import (
 from iwanjax.signals.decay_slopes import Decay, DecaySlopes
 from iwanjax.signals.filters import analytic_signal, band_pass_gain, check_band
 from iwanjax.signals.harmonic import without_harmonic
-from iwanjax.signals.interval_lines import before_the_filter, fit_lines, line_slopes
+from iwanjax.signals.interval_lines import decay_lines, line_slopes
 from iwanjax.signals.kalman_decay import kalman_slopes
 from iwanjax.signals.peak_decay import peak_slopes
 from iwanjax.signals.polynomial_decay import polynomial_slopes
@@ -302,19 +302,21 @@ def _analysed(
             "longer"
         )
     time = np.arange(z.size) / sampling_rate
-    lines = fit_lines(time, psi_1, psi_2, edges, noise.at(edges))
-    passed = np.log(band_pass_gain(lines.omega / (2.0 * math.pi), band, order))
-    lines = before_the_filter(lines, passed)
+    decay = Decay(z, sampling_rate, edges, noise, band)
+    lines = decay_lines(decay)
     # From where the record begins: the hit itself may have gone further than what is left of it.
     whole = analytic_signal(centred(x[: span.stop]), sampling_rate, band, order)
+
+    def unfiltered(found: DecaySlopes) -> tuple[DecaySlopes, np.ndarray]:
+        passed = np.log(band_pass_gain(found.omega / (2.0 * math.pi), band, order))
+        return found.before_the_filter(passed), passed
+
+    own = _OTHERS.get(estimator)
+    slopes, passed = unfiltered(line_slopes(lines) if own is None else own(decay))
     largest = float(np.max(np.abs(whole))) / float(np.exp(passed[0]))
     # A beat bends lines as well: by what the noise leaves of them it is seen.
-    refuse_beats(line_slopes(lines, steps=False).curves(derivatives, largest, {}), band)
-    slopes = line_slopes(lines)
-    if estimator in _OTHERS:
-        own = _OTHERS[estimator](Decay(z, sampling_rate, edges, noise, band))
-        gain = np.log(band_pass_gain(own.omega / (2.0 * math.pi), band, order))
-        slopes = own.before_the_filter(gain)
+    bent, _ = unfiltered(line_slopes(lines, steps=False))
+    refuse_beats(bent.curves(derivatives, largest, {}), band)
     curves = slopes.curves(derivatives, largest, labels)
     begin = span.first / sampling_rate
     released = np.max(np.abs(whole[span.first : span.first + span.settled + 1])) / np.exp(passed[0])
@@ -323,7 +325,7 @@ def _analysed(
         begin + slopes.time,
         begin + edges / sampling_rate,
         begin + time,
-        np.abs(z) / np.exp(np.interp(time, lines.middle, passed)),
+        np.abs(z) / np.exp(np.interp(time, slopes.time, passed)),
         psi_2,
         np.sqrt(noise.at(0.5 * (edges[1:] + edges[:-1])) * (band[1] - band[0])),
         band,

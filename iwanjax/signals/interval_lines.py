@@ -1,11 +1,11 @@
 """Lines fitted to envelope and phase in intervals of a decay, and the slopes that follow."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from iwanjax.signals.decay_checks import NORMAL, SURE
-from iwanjax.signals.decay_slopes import DecaySlopes
+from iwanjax.signals.decay_slopes import Decay, DecaySlopes
 
 # Multiple of the correction to the midpoint that is taken as its deviation: beside a kink it is
 # wrong by up to twice itself.
@@ -80,16 +80,10 @@ def _bend(t: np.ndarray) -> np.ndarray:
     return np.concatenate([-levers[0], levers[1]])
 
 
-def before_the_filter(lines: Lines, passed: np.ndarray) -> Lines:
-    """Lines of the envelope as it was before a gain, exp(passed), that moves with frequency.
-
-    Beside another mode the band's corner may be near: a third of the amplitude is lost there.
-    """
-    return replace(
-        lines,
-        height=lines.height - passed,
-        rate=lines.rate - np.gradient(passed, lines.middle),
-    )
+def decay_lines(decay: Decay) -> Lines:
+    """Lines through all samples of a decay, in its intervals."""
+    time = np.arange(decay.z.size) / decay.sampling_rate
+    return fit_lines(time, *decay.logarithm, decay.edges, decay.noise.at(decay.edges))
 
 
 def line_slopes(lines: Lines, steps: bool = True) -> DecaySlopes:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.signals.decay_slopes import Decay, DecaySlopes
-from iwanjax.signals.interval_lines import fit_lines
+from iwanjax.signals.interval_lines import decay_lines
 
 # A value and its derivatives, of which the last one wanders: with three of them deviations were a
 # quarter too large for a decay as smooth as a joint's, with two three times. Decades of the wander
@@ -34,12 +34,7 @@ def kalman_slopes(decay: Decay) -> DecaySlopes:
     starts = first + (stop - first - block * count) // 2 + block * np.arange(count)
     dt = block / decay.sampling_rate
     time = (starts + 0.5 * (block - 1)) / decay.sampling_rate
-    lines = fit_lines(
-        np.arange(decay.z.size) / decay.sampling_rate,
-        *decay.logarithm,
-        decay.edges,
-        decay.noise.at(decay.edges),
-    )
+    lines = decay_lines(decay)
     rate = np.abs(np.interp(time, lines.middle, lines.rate))
     quick = (rate / np.median(rate)) ** (2 * _STATES - 1)
     # Slopes do not turn over in less than an interval.

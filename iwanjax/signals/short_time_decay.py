@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from iwanjax.signals.decay_slopes import Decay, DecaySlopes
-from iwanjax.signals.interval_lines import fit_lines, line_slopes
+from iwanjax.signals.interval_lines import decay_lines, line_slopes
 
 # From lines through its logarithm a damped sine is this many Gauss-Newton steps away.
 _STEPS = 3
@@ -22,7 +22,7 @@ def short_time_slopes(decay: Decay) -> DecaySlopes:
     psi_1, psi_2 = decay.logarithm
     time = np.arange(decay.z.size) / decay.sampling_rate
     density = decay.noise.at(decay.edges)
-    lines = fit_lines(time, psi_1, psi_2, decay.edges, density)
+    lines = decay_lines(decay)
     rows = []
     for i, (a, b) in enumerate(zip(decay.edges[:-1], decay.edges[1:], strict=True)):
         z, weight = decay.z[a:b], np.exp(2.0 * psi_1[a:b])

@@ -120,6 +120,36 @@ def test_every_estimator_covers_the_truth_as_often_as_it_says(estimator, decibel
         assert np.mean(each < 1.96) == pytest.approx(0.95, abs=0.04)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("strength", [0.5, 1.6], ids=["microslip", "macroslip"])
+@pytest.mark.parametrize("estimator", ["lines", "polynomial", "peaks", "short_time", "kalman"])
+def test_so_it_does_on_decays_of_a_joint_that_none_was_made_with(estimator, strength):
+    """Another mode, rate and band; from beyond macroslip the curves have a kink."""
+    joint = ij.Iwan4(F_S=1.0, K_T=5000.0, chi=-0.4, beta=0.8)
+    mode = ij.ModalOscillator(58.0, 1.2e-3, joint)
+    largest, rate, band = strength * float(joint.phi_max), 1500.0, (40.0, 75.0)
+    x = np.log(largest) + np.linspace(-9.2, 0.01, 4000)
+    f, zeta = map(np.asarray, mode.ringdown_frequency_and_damping(np.exp(x), largest=largest))
+
+    def derivatives(_, state):
+        natural, damping = 2.0 * np.pi * np.interp(state[0], x, f), np.interp(state[0], x, zeta)
+        return [-damping * natural, natural * np.sqrt(1.0 - damping**2)]
+
+    t = np.arange(12_000) / rate
+    begin = [np.log(largest), 0.3]
+    psi = solve_ivp(derivatives, (0.0, 8.0), begin, "DOP853", t, rtol=1e-10, max_step=0.01).y
+    clean, rng, z = np.exp(psi[0]) * np.cos(psi[1]), np.random.default_rng(7), []
+    for _ in range(100):
+        noisy = clean + largest * 4e-3 * rng.standard_normal(t.size)
+        c = ringdown_curves(noisy, rate, band, quantity="acceleration", estimator=estimator)
+        at = np.log(np.asarray(c.amplitude))
+        off = c.frequency - np.interp(at, x, f), c.damping - np.interp(at, x, zeta)
+        z.append([off[0] / c.frequency_std, off[1] / c.damping_std])
+    for each in np.abs(np.concatenate(z, axis=1)):
+        assert np.mean(each < 1.0) == pytest.approx(0.68, abs=0.08)
+        assert np.mean(each < 1.96) == pytest.approx(0.95, abs=0.04)
+
+
 @pytest.mark.parametrize("estimator", ["polynomial", "peaks", "short_time", "kalman"])
 def test_every_estimator_tells_the_decay_of_a_linear_mode(estimator):
     ring = ringdown(record({}, noise=1e-6), RATE, BAND, "acceleration", estimator=estimator)
