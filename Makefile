@@ -10,7 +10,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 # Of pyyeti there are wheels for few machines; elsewhere the tests of Nastran's files are skipped.
-TEST_EXTRAS := dev notebooks fem io $(if $(findstring Linux x86_64,$(shell uname -sm)),nastran)
+TEST_EXTRAS := dev notebooks fem io dist $(if $(findstring Linux x86_64,$(shell uname -sm)),nastran)
 # The first to know --system-certs that was tried with this uv.lock.
 UV_REQUIREMENT := uv>=0.13
 

@@ -35,6 +35,7 @@ From a fitted structure to recordings that it was not fitted to:
 From a model and recordings to what the model lacks:
   iwanjax diagnose  study.yaml                  --out results/study
   iwanjax detectability study.yaml              --out results/study
+  iwanjax trial     study.yaml                  --out results/study_trial
   iwanjax laws
 From low-level recordings to a linear model:
   iwanjax modal     configs/f16.yaml            --out results/f16
@@ -94,6 +95,15 @@ Of every effect at every place the smallest size that a diagnosis of these recor
 tells from all others, in nine of ten repetitions; pairs that it cannot tell apart; and the hit or
 the sensor that would help most. Recordings may be measured, or simulated ones of a plan. Takes a
 minute or two. Writes detectability.txt, detectability.json, detectability.npz and a picture.
+"""
+_TRIAL_HELP = """How often a diagnosis of a study's recordings would be right.
+
+Makes the recordings anew by the study's structure, joints, forces and noise, with an effect
+concealed in each trial or none, seals what is true, has them diagnosed blind by processes of their
+own, and counts: right verdicts, false alarms, and whether probabilities can be trusted, also for
+laws that the diagnosis is not told of. Shares no code with the diagnosis. Takes about a minute for
+each trial; interrupted, the same command goes on. Writes trial.txt, trial.json, trial.npz and a
+picture.
 """
 _INSPECT_HELP = """What files hold: recordings and what is wrong with them, or matrices.
 
@@ -232,6 +242,33 @@ def diagnose_verb(
 def detectability_verb(study: _Study, out: _Out) -> None:
     """What a study's recordings would show of each effect, written into a folder."""
     _run("detectability", study, out)
+
+
+@app.command("trial", help=_TRIAL_HELP)
+def trial_verb(
+    study: _Study,
+    out: _Out,
+    count: Annotated[int, typer.Option(min=1, help="How many trials.")] = 12,
+    seed: Annotated[int, typer.Option(min=0, help="Of what is drawn.")] = 0,
+    empty: Annotated[
+        float, typer.Option(metavar="SHARE", help="Of trials with nothing concealed.")
+    ] = 1.0 / 3.0,
+    left_out: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE", help="Of the others, whose law the diagnosis is not told of."
+        ),
+    ] = 1.0 / 3.0,
+    scheduler: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="local, or a dask scheduler such as tcp://...")
+    ] = "local",
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Local processes; by default one a processor.")
+    ] = None,
+) -> None:
+    """How often a diagnosis of a study's recordings would be right, written into a folder."""
+    plan = {"count": count, "seed": seed, "empty": empty, "left_out": left_out}
+    _run("trial", study, out, **plan, scheduler=scheduler, workers=workers)
 
 
 @app.command("qsma", help=_QSMA_HELP)

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
     "class names used twice": 0,
-    "tuned numbers": 919,
+    "tuned numbers": 981,
     "tuned numbers without a comment": 141,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
@@ -31,7 +31,7 @@ BOUNDS = {
 raise one only with a reason in the commit message."""
 
 MODULES = {
-    ".": 11,
+    ".": 12,
     "config": 21,
     "discrepancy": 30,
     "dynamics": 16,
@@ -39,13 +39,14 @@ MODULES = {
     "identification": 36,
     "files": 6,
     "modal_analysis": 5,
-    "plotting": 20,
+    "plotting": 21,
     "quasistatic": 9,
     "report": 3,
     "structures": 41,
-    "studies": 11,
+    "studies": 13,
+    "trial": 11,
     "updating": 19,
-    "verbs": 12,
+    "verbs": 13,
 }
 """Modules of each room. Joints and signals grow by design: a law and a kind of recording are one
 file each; rooms to come are counted from when they stand here."""

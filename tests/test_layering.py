@@ -21,13 +21,14 @@ LAYERS = [
         "threads",
         "compiler",
         "kernels",
+        "cluster",
     }
     | {"settings", "correlation"},
     {"joints", "signals"},
     {"structures", "effects"},
     {"quasistatic", "dynamics"},
     {"estimation"},
-    {"updating", "modal_analysis"},
+    {"updating", "modal_analysis", "trial"},
     {"identification"},
     {"discrepancy", "config"},
     {"planning"},
@@ -37,8 +38,9 @@ LAYERS = [
     {"verbs"},
     {"cli"},
 ]
-# Rooms that hold mathematics only: they import of layer 0 and nothing else.
-KNOW_NO_PHYSICS = {"estimation"}
+# Rooms that hold mathematics only, and the one that others are tried by, which has physics of its
+# own: they import of layer 0 and nothing else.
+KNOW_NO_PHYSICS = {"estimation", "trial"}
 LAYER_OF = {room: layer for layer, rooms in enumerate(LAYERS) for room in rooms}
 
 PACKAGE = Path(__file__).resolve().parents[1] / "iwanjax"

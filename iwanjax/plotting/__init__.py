@@ -38,6 +38,7 @@ from iwanjax.plotting.shapes import plot_assurance, plot_shapes, plot_strokes
 from iwanjax.plotting.single_mode import plot_decays, plot_modes
 from iwanjax.plotting.trade_off import plot_front, plot_sampled
 from iwanjax.plotting.transient import plot_driven, plot_hysteresis, plot_transient
+from iwanjax.plotting.trial import plot_trial
 from iwanjax.quasistatic import QsmaSolution
 from iwanjax.signals import FileContents
 from iwanjax.signals.hilbert import RingDown
@@ -74,6 +75,7 @@ __all__ = [
     "plot_shapes",
     "plot_strokes",
     "plot_transient",
+    "plot_trial",
     "plot_unnamed",
 ]
 
@@ -81,6 +83,7 @@ __all__ = [
 _BY_NAME = {
     "iwanjax.modal_analysis.result.ModalTest": plot_modal_test,
     "iwanjax.planning.result.Detectability": plot_detectability,
+    "iwanjax.trial.outcome.TrialResult": plot_trial,
     "iwanjax.updating.solution.FitSolution": plot_fit,
     "iwanjax.updating.linear_solution.LinearSolution": plot_linear,
     "iwanjax.updating.pareto.ParetoFront": plot_front,

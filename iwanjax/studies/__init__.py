@@ -6,10 +6,11 @@ study does not need.
 
 from iwanjax.config import Measurement
 from iwanjax.signals.tabular import as_recording
+from iwanjax.studies.loading import load_study
 from iwanjax.studies.measured import Hit, MeasuredMode
 from iwanjax.studies.predicted import PredictedRecording
 from iwanjax.studies.results import StudyResults
-from iwanjax.studies.study import Study, load_study
+from iwanjax.studies.study import Study
 
 __all__ = [
     "Hit",

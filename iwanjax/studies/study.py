@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from iwanjax.config import Data, Measurement, StudySetup, given_study, read_study
+from iwanjax.config import Data, Measurement, StudySetup, given_study
 from iwanjax.errors import InputError
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.studies.measured import MeasuredMode, measured_modes
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from iwanjax.studies.fits import StudyFit
     from iwanjax.studies.predicted import PredictedRecording
     from iwanjax.studies.simulations import DrivenJoint
+    from iwanjax.trial import TrialResult
     from iwanjax.updating import Posterior
 
 _A_STRUCTURE = "needs a structure, model.file, matrices, builder or test; this study has modal"
@@ -42,8 +43,8 @@ def silent(line: str) -> None:
 class Study:
     """A model, recordings of it, and what is asked of them; :func:`iwanjax.load_study` reads one.
 
-    No method changes the study or writes a file, unless it is given one. Results come by name,
-    one for each mode, joint or case; ``.only`` is the one of a study that has one.
+    No method changes the study or writes a file, unless it is given one. Results come by name;
+    ``.only`` is the one of a study that has one.
 
     Parameters
     ----------
@@ -372,29 +373,28 @@ class Study:
 
         return detectability_of(self.setup, progress)
 
+    def trial(
+        self, folder: str | Path, *, progress: Callable[[str], None] = silent, **asked: Any
+    ) -> "TrialResult":
+        """Effects concealed in these recordings and diagnosed blind: how often that is right.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Keeps studies, sealed truths and verdicts; a trial that was interrupted goes on there.
+        progress, **asked
+            As for :func:`iwanjax.studies.trials.trials_of`.
+
+        Raises
+        ------
+        InputError
+            Without a structure of Iwan joints, its time histories and their forces.
+        """
+        from iwanjax.studies.trials import trials_of
+
+        return trials_of(self.setup, Path(folder), progress, **asked)
+
     def _structure(self, verb: str) -> JointedStructure:
         if self.setup.structure is None:
             raise InputError(f"{self.setup.label}: {verb} {_A_STRUCTURE}")
         return self.setup.structure
-
-
-def load_study(path: str | Path) -> Study:
-    """Read a study file and the model it names; recordings are opened when they are needed.
-
-    Parameters
-    ----------
-    path : str or Path
-        A YAML file; ``configs/modal_ringdown.yaml`` is one to copy, with every key explained.
-
-    Raises
-    ------
-    InputError
-        ``file:line: key: what arrived; expected ...`` in one line, for the first fault.
-
-    Examples
-    --------
-    >>> import iwanjax as ij
-    >>> ij.load_study("configs/three_mass.yaml")
-    Study('three_mass': 3 coordinates with J1; 0 recording(s))
-    """
-    return Study.of(read_study(path))

@@ -4,8 +4,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from concealed.effects import Effect
 from concealed.plan import Case, plan
+
+from iwanjax.trial.effects import Effect
 
 SIZES = Path(__file__).with_name("sizes.json")
 

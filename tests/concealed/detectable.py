@@ -17,9 +17,10 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from concealed.cases import CASES
-from concealed.effects import Effect
 from concealed.plan import Case
 from concealed.study import write
+
+from iwanjax.trial.effects import Effect
 
 TIMES = (0.5, 1.0, 2.0)
 

@@ -22,7 +22,7 @@ import yaml
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from concealed.effects import PARAMETERS
+from iwanjax.trial.effects import PARAMETERS
 
 IWAN = PARAMETERS["iwan_joint"]
 # What the package calls a truth that it states in other terms: the name, and the value from the

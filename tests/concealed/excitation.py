@@ -7,9 +7,11 @@ what does not); `scale` finds the size that drives the joints as far as a record
 from collections.abc import Sequence
 
 import numpy as np
-from concealed.structures import STRUCTURES, Array, Structure, tangent_stiffness
+from concealed.structures import STRUCTURES, Array, Structure
 from scipy.fft import next_fast_len
 from scipy.linalg import eigh
+
+from iwanjax.trial.structure import tangent_stiffness
 
 Band = tuple[float, float]
 RISE = 0.01

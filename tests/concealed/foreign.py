@@ -15,11 +15,13 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from concealed.effects import Effect
-from concealed.physics import integrate
+from concealed.hammer import integrate
 from concealed.plan import Case, blows, scattered_joints
-from concealed.structures import STRUCTURES, Structure, tangent_stiffness
+from concealed.structures import STRUCTURES, Structure
 from concealed.study import write
+
+from iwanjax.trial.effects import Effect
+from iwanjax.trial.structure import tangent_stiffness
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from concealed import excitation
-from concealed.effects import Effect
 from concealed.excitation import band, elastic, largest
 from concealed.lab_plan import MOVING, PART, START, LabCase, Take
-from concealed.physics import FILTER_SPAN, march
 from concealed.rigs import (
     BASE,
     DRIVE,
@@ -18,6 +16,9 @@ from concealed.rigs import (
     with_shaker,
 )
 from concealed.structures import STRUCTURES, Array, Iwan, Structure
+
+from iwanjax.trial.effects import Effect
+from iwanjax.trial.physics import FILTER_SPAN, march
 
 REACH = 0.8
 """Deflection of the joint that moves most over that of macroslip at level 1, joints stuck."""

@@ -7,12 +7,14 @@ recording is made is drawn from a generator seeded by the case's number.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from concealed.effects import Effect
 from concealed.excitation import band, elastic
-from concealed.physics import FILTER_SPAN
 from concealed.plan import scattered_joints
-from concealed.rigs import BASE, inexact, welded
-from concealed.structures import STRUCTURES, Array, Iwan, Structure, tangent_stiffness
+from concealed.rigs import BASE, welded
+from concealed.structures import STRUCTURES, Array, Iwan, Structure
+
+from iwanjax.trial.effects import Effect
+from iwanjax.trial.physics import FILTER_SPAN
+from iwanjax.trial.structure import inexact, tangent_stiffness
 
 TRUST = {"frequencies": 0.005, "damping": 0.2, "shapes": 0.0}
 """Relative standard deviations of a linear model that is off, as its study states them."""

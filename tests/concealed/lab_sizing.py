@@ -17,15 +17,18 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from concealed import acquisition
-from concealed.effects import Effect
 from concealed.excitation import band, elastic
 from concealed.lab_forces import fine_steps, happens, study_inputs
 from concealed.lab_plan import LabCase, lab_plan
 from concealed.laboratory import SIZES, clean
-from concealed.sizing import OVERSAMPLING, Search, crossing, relative_change, scaled
-from concealed.structures import Array, strength, tangent_stiffness
+from concealed.sizing import OVERSAMPLING
+from concealed.structures import Array, strength
 from scipy.linalg import eigh
+
+from iwanjax.trial import acquisition
+from iwanjax.trial.effects import Effect
+from iwanjax.trial.sizes import Search, relative_change, scaled, size_for
+from iwanjax.trial.structure import tangent_stiffness
 
 CHANGE = (0.25, 0.55)
 """Relative change of the hardest fitted recording by an effect that is not linear."""
@@ -34,8 +37,6 @@ SHIFT, DAMPED = (0.02, 0.035), (0.8, 1.5)
 effect: four times the deviations that a model is trusted to have, and more."""
 JUDGED = 1.2
 """Length (s) of what is integrated to judge a size."""
-COUNTS = (9, 7, 5)
-"""Sizes tried at once, in ever narrower ranges."""
 LINEAR_KINDS = ("stiffness_error", "mass_error", "viscous_damping", "viscoelastic")
 
 
@@ -110,7 +111,6 @@ def _searched(case: LabCase, rng: np.random.Generator) -> tuple[tuple[float, ...
         samples = without.shape[0]
         path = acquisition.decimate(fine.watched[:, 0], samples, OVERSAMPLING)[:, 0]
         search = scaled(case.structure, kind, where, path, rng)
-    low, high = search.low, search.high
     target = float(np.exp(rng.uniform(*np.log(CHANGE))))
 
     def changes(sizes: Array) -> Array:
@@ -123,10 +123,7 @@ def _searched(case: LabCase, rng: np.random.Generator) -> tuple[tuple[float, ...
         with np.errstate(all="ignore"):
             return relative_change(_response(case, (effect,), len(sizes), None)[0], without)
 
-    for count in COUNTS:
-        sizes = np.geomspace(low, high, count)
-        low, high = crossing(sizes, changes(sizes), target)
-    size = np.array([np.sqrt(low * high)])
+    size = np.array([size_for(search, changes, target)])
     values = tuple(float(np.ravel(value)[0]) for value in search.build(size))
     return values, float(changes(size)[0])
 

@@ -22,13 +22,15 @@ import yaml
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from concealed import acquisition
-from concealed.effects import Effect
+from concealed import disturbances
 from concealed.lab_forces import happens, rig_key, study_inputs
 from concealed.lab_plan import OFF, PERIODIC, REST, TRUST, LabCase, Take, lab_plan
 from concealed.rigs import on_shaken_ground
 from concealed.structures import Array
 from concealed.study import model_arrays
+
+from iwanjax.trial import acquisition
+from iwanjax.trial.effects import Effect
 
 SIZES = Path(__file__).with_name("lab_sizes.json")
 FORCE_NOISE = 0.001
@@ -100,24 +102,24 @@ def _added(case: LabCase, take: Take, levels: Array, rng: np.random.Generator) -
     """Noise, hum, offset and drift (sample, sensor) of one recording."""
     noise, sensors = case.noise, list(case.structure.sensors)
     clock = np.arange(take.samples) * take.divisor / case.structure.rate
-    made = acquisition.pink if noise.colour == "pink" else acquisition.white
+    made = disturbances.pink if noise.colour == "pink" else disturbances.white
     more = levels * made(take.samples, len(sensors), rng)
     if noise.offset:
         more += OFFSET * levels * rng.uniform(-1.0, 1.0, len(sensors))
     if noise.drift:
         at = sensors.index(noise.drift)
-        more[:, at] += DRIFT * levels[at] * acquisition.wander(take.samples, rng)
+        more[:, at] += DRIFT * levels[at] * disturbances.wander(take.samples, rng)
     if noise.hum:
         at = sensors.index(noise.hum)
         phase = float(rng.uniform(0, 2 * np.pi))
-        more[:, at] += acquisition.hum(clock, HUM * levels[at], 50.0, 0.0, phase)
+        more[:, at] += disturbances.hum(clock, HUM * levels[at], 50.0, 0.0, phase)
     for effect in case.effects:
         values = [float(v) for v in effect.values]  # type: ignore[arg-type]
         if effect.kind == "sensor_hum":
             phase = float(rng.uniform(0, 2 * np.pi))
-            more[:, sensors.index(effect.where)] += acquisition.hum(clock, *values, phase)
+            more[:, sensors.index(effect.where)] += disturbances.hum(clock, *values, phase)
         elif effect.kind == "sensor_drift":
-            drift = values[0] * acquisition.wander(take.samples, rng)
+            drift = values[0] * disturbances.wander(take.samples, rng)
             more[:, sensors.index(effect.where)] += drift
     return more
 
@@ -143,7 +145,7 @@ def recorded(case: LabCase) -> tuple[list[tuple[Array, Array]], Array]:
         stored.append((response, force))
     if case.noise.quantised:
         full = FULL_SCALE * max(np.abs(response).max() for response, _ in stored)
-        stored = [(acquisition.quantised(response, full), force) for response, force in stored]
+        stored = [(disturbances.quantised(response, full), force) for response, force in stored]
     return stored, levels
 
 

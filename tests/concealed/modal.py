@@ -21,11 +21,11 @@ from scipy.linalg import eigh
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from concealed.acquisition import measure
-from concealed.effects import Effect
-from concealed.physics import Hit
+from concealed.hammer import Hit, measure
 from concealed.plan import scattered_joints
 from concealed.structures import STRUCTURES, Array, Iwan, Structure
+
+from iwanjax.trial.effects import Effect
 
 NOISE = 2e-4
 """Standard deviation of the sensor's noise over its peak."""

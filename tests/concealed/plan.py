@@ -9,9 +9,10 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from concealed.effects import Effect
-from concealed.physics import Hit
+from concealed.hammer import Hit
 from concealed.structures import STRUCTURES, Iwan, Structure
+
+from iwanjax.trial.effects import Effect
 
 Wanted = tuple[str, str, str]
 """Kind, place and strength of a concealed effect."""

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from concealed.effects import Effect
 from concealed.excitation import band, elastic
 from concealed.structures import Array, Iwan, Structure
-from scipy.linalg import block_diag, eigh
+from scipy.linalg import block_diag
+
+from iwanjax.trial.effects import Effect
 
 BASE, DRIVE = "base", "drive"
 """Inputs: acceleration of the ground, and the force on a shaker's armature."""
@@ -100,21 +101,3 @@ def welded(structure: Structure, joints: Mapping[str, Iwan]) -> Structure:
     for name, (_, K_T, _, _) in joints.items():
         K += K_T * np.outer(structure.rows[name], structure.rows[name])
     return replace(structure, K=K, joints={})
-
-
-def inexact(
-    structure: Structure, stuck: Array, frequencies: Array, dampings: Array
-) -> tuple[Array, Array]:
-    """K and C of a model whose modes are off, with the true shapes.
-
-    `stuck` (n, n) is the stiffness of the true modes; `frequencies` and `dampings` (n,) are the
-    relative deviations of the model's frequencies and damping ratios from those of the truth.
-    C is scaled from both sides, so that it stays positive where it is not modal.
-    """
-    squared, shapes = eigh(stuck, structure.M)
-    back = structure.M @ shapes
-    rise = (1 + frequencies) ** 2 - 1
-    K = structure.K + (back * (squared * rise)) @ back.T
-    ratio = np.sqrt((1 + dampings) * (1 + frequencies))
-    scaled = back * ratio @ shapes.T
-    return 0.5 * (K + K.T), scaled @ structure.C @ scaled.T

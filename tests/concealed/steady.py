@@ -19,8 +19,9 @@ if __name__ == "__main__":
     sys.path[:0] = [str(root / "tests"), str(root / "configs")]
 
 import bolted_chain as chain
-from concealed.physics import slider_bank
 from concealed.structures import Iwan
+
+from iwanjax.trial.physics import slider_bank
 
 K_T = 1.0
 JOINT = (10.0, K_T, -0.5, 5.0)

@@ -3,7 +3,8 @@
 Every structure is a linear model without its joints (K is K_infinity), the named places where
 a force may act, and the nominal joints and hammer of its test. The joints' strengths and the
 hammer's peaks belong together: the hard hits drive the largest joint deflection to between
-0.1 and 1 times the deflection of macroslip.
+0.1 and 1 times the deflection of macroslip. Doubling the steps within a sampling interval changes
+responses by less than 7e-4.
 """
 
 from collections.abc import Mapping
@@ -11,43 +12,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-Array = NDArray[np.float64]
-Iwan = tuple[float, float, float, float]
-"""F_S, K_T, chi and beta of Segalman's four-parameter Iwan joint."""
+from iwanjax.trial.structure import Array, Iwan, TrialStructure
 
 
-@dataclass(frozen=True)
-class Structure:
-    """A linear structure without its joints, its places, and the hammer test done on it."""
+@dataclass(frozen=True, kw_only=True)
+class Structure(TrialStructure):
+    """A structure and the hammer test that is done on it."""
 
-    name: str
-    M: Array
-    C: Array
-    K: Array
-    rows: Mapping[str, Array]
-    sensors: Mapping[str, Array]
-    inputs: Mapping[str, Array]
-    joints: Mapping[str, Iwan]
-    rate: float
-    samples: int
     peaks: Mapping[str, float]
     """Peak force (N) of the hardest hit at each input."""
     pulse: tuple[int, int]
     """Shortest and longest half-sine pulse, in sampling intervals."""
-    steps: int = 16
-    """Integration steps per sampling interval; doubling them changes responses by < 7e-4."""
-
-
-def tangent_stiffness(structure: Structure) -> Array:
-    """Stiffness at vanishing amplitude: K and every joint stuck."""
-    K = structure.K.copy()
-    for name, (_, K_T, _, _) in structure.joints.items():
-        row = structure.rows[name]
-        K += K_T * np.outer(row, row)
-    return K
 
 
 def rayleigh(M: Array, K: Array, first: tuple[int, float], second: tuple[int, float]) -> Array:

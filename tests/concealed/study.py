@@ -15,10 +15,12 @@ import yaml
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from concealed.acquisition import measure, saturate
 from concealed.cases import CASES
+from concealed.hammer import measure
 from concealed.plan import SETS, Case
 from concealed.structures import Structure
+
+from iwanjax.trial.acquisition import saturate
 
 FORCE_NOISE = 0.001
 """Standard deviation of the force's noise over the recording's own peak force."""

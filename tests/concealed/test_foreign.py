@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from concealed.effects import Effect
 from concealed.foreign import CASES
-from concealed.foreign_laws import LAWS, foreign
+
+from iwanjax.trial.effects import Effect
+from iwanjax.trial.foreign_laws import LAWS, foreign
 
 STIFFNESS, AMPLITUDE, FREQUENCY, STEPS = 1e5, 6e-4, 30.0, 4000
 RATE = 2.0 * np.pi * FREQUENCY * AMPLITUDE

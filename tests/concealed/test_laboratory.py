@@ -7,15 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from concealed import acquisition, frozen
+from concealed import disturbances, frozen
 from concealed.excitation import band, coloured, multisine, stepped, sweep
 from concealed.lab_forces import happens, study_inputs
 from concealed.lab_plan import LINES, OFF, TRUST, lab_plan
 from concealed.laboratory import clean, lab_cases, needs, write
-from concealed.rigs import ground_motion, inexact, on_shaken_ground, with_shaker
-from concealed.structures import STRUCTURES, chain, tangent_stiffness
+from concealed.rigs import ground_motion, on_shaken_ground, with_shaker
+from concealed.structures import STRUCTURES, chain
 from scipy.linalg import eigh
 from scipy.signal import StateSpace, lsim
+
+from iwanjax.trial import acquisition
+from iwanjax.trial.structure import inexact, tangent_stiffness
 
 STEP = 8
 
@@ -158,14 +161,14 @@ def test_excitations_hold_what_they_promise():
 
 def test_nuisances_have_their_size_and_colour():
     rng = np.random.default_rng(0)
-    noise = acquisition.pink(16384, 2, rng)
+    noise = disturbances.pink(16384, 2, rng)
     assert noise.std(axis=0) == pytest.approx(1.0, abs=0.05)
     power = np.mean(np.abs(np.fft.rfft(noise, axis=0)) ** 2, axis=1)
     assert power[10:40].mean() > 20 * power[4000:].mean()
-    path = acquisition.wander(4000, rng)
+    path = disturbances.wander(4000, rng)
     assert np.mean(path**2) == pytest.approx(1.0)
     assert np.mean(path) == pytest.approx(0.0, abs=1e-12)
-    stored = acquisition.quantised(np.linspace(-1, 1, 999), 8.0)
+    stored = disturbances.quantised(np.linspace(-1, 1, 999), 8.0)
     assert np.abs(stored - np.linspace(-1, 1, 999)).max() <= 0.5 * 8.0 / 2**15 + 1e-12
     time = 1e-4 * np.arange(100000)
     passed = acquisition.high_passed(np.sin(2 * np.pi * 10.0 * time), 10.0, 1e4)

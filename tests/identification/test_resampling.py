@@ -176,6 +176,8 @@ def test_what_a_limit_cut_off_a_force_is_known_at_a_lower_rate():
     expected, found = (
         at_rate(each, 4 * RATE, RATE, UNKNOWN) for each in (replace(whole, force=force), cut)
     )
+    assert expected.force is not None
+    assert found.force is not None
     missing = np.linalg.norm(expected.force - found.force)
     assert missing > 0.2 * np.linalg.norm(expected.force)
     back = found.force + found.cut_off(found.force)

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from concealed.structures import STRUCTURES, tangent_stiffness
+from concealed.structures import STRUCTURES
 from scipy.linalg import eigh
 
 import iwanjax as ij
 from iwanjax.settings.steady import SteadySettings
+from iwanjax.trial.structure import tangent_stiffness
 
 STROKES = np.geomspace(0.03, 1.0, 16) * 0.35
 """Of the joint, over macroslip."""

@@ -6,8 +6,9 @@ Every law is integrated as its equations say, in the steps of `physics.march`.
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from concealed.effects import Effect
-from concealed.structures import Array
+
+from iwanjax.trial.effects import Effect
+from iwanjax.trial.structure import Array
 
 Law = Callable[[Array, Array], Array]
 """Force of a local element per recording, from its deflection and rate per recording."""

@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from concealed.structures import Array
+
+from iwanjax.trial.structure import Array
 
 Force = Callable[[Array], Array]
 """Force of a local element per recording, from its deflection per recording."""
@@ -101,9 +102,9 @@ def element(effect: Effect, recordings: int, dt: float) -> Force | None:
         case "bilinear_stiffness":
             return lambda d: values[0] * np.maximum(d, 0.0)
         case "gap_contact":
-            return _gap(*values)
+            return _gap(values[0], values[1], values[2])
         case "coulomb_friction":
-            return _coulomb(*values)
+            return _coulomb(values[0], values[1])
         case "viscoelastic":
-            return _maxwell(*values, dt)
+            return _maxwell(values[0], values[1], dt)
     return None
