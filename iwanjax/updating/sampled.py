@@ -1,8 +1,9 @@
 """Many parameter sets of a structure's joints at once, and how well each agrees with the curves."""
 
 import numbers
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.cluster import pieces
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Parameter, fixed_at, replaced
@@ -134,6 +136,8 @@ def sample_fits(
     groups: Mapping[str, Sequence[str]] | None = None,
     reference: Reference | None = None,
     seed: int = 0,
+    scheduler: str | None = None,
+    workers: int | None = None,
 ) -> SampledFits:
     r"""Draw parameter sets of a structure's joints and hold each against measured curves.
 
@@ -170,6 +174,11 @@ def sample_fits(
         unless it is fixed.
     seed : int
         Of the sequence's scrambling.
+    scheduler : str, optional
+        ``local`` for this machine's processes, or the address of a dask scheduler, that parts of
+        4096 sets go to; the numbers are the same. By default all is done here.
+    workers : int, optional
+        Local processes; by default one a processor.
 
     Returns
     -------
@@ -226,10 +235,13 @@ def sample_fits(
     )
     draws = _drawn(problem, row, int(count), macroslip, share, seed)
     projected = ProjectedProblem.of(problem, row)
-    parts = [_agreement(projected, jnp.asarray(part), jnp.asarray(W)) for part in _in_parts(draws)]
-    values, f, zeta = (
-        np.concatenate([np.asarray(part[k]) for part in parts])[:count] for k in range(3)
-    )
+    todo = _in_parts(draws)
+    if scheduler is None:
+        parts = [_part(projected, W, each) for each in todo]
+    else:
+        found = dict(pieces(_elsewhere(projected, W), todo, scheduler, workers))
+        parts = [found[i] for i in range(len(todo))]
+    values, f, zeta = (np.concatenate([part[k] for part in parts])[:count] for k in range(3))
     return SampledFits(
         names=problem.names,
         values=values,
@@ -329,6 +341,32 @@ def _in_parts(draws: np.ndarray) -> list[np.ndarray]:
     missing = -len(draws) % size
     filled = np.concatenate([draws, np.repeat(draws[-1:], missing, axis=0)])
     return np.split(filled, len(filled) // size)
+
+
+Part = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def _part(projected: ProjectedProblem, weights: np.ndarray, draws: np.ndarray) -> Part:
+    """Sets of one part and their deviations, as NumPy's arrays."""
+    found = _agreement(projected, jnp.asarray(draws), jnp.asarray(weights))
+    values, of_f, of_zeta = map(np.asarray, found)
+    return values, of_f, of_zeta
+
+
+def _elsewhere(projected: ProjectedProblem, weights: np.ndarray) -> Callable[[np.ndarray], Part]:
+    """The same for processes that nobody has set up, as what can be sent to them.
+
+    JAX's arrays would lose half their digits on arrival, where double precision is still off.
+    """
+    arrays, others = eqx.partition(projected, eqx.is_array)
+    return partial(_arrived, jax.tree.map(np.asarray, arrays), others, weights)
+
+
+def _arrived(
+    arrays: ProjectedProblem, others: ProjectedProblem, weights: np.ndarray, draws: np.ndarray
+) -> Part:
+    jax.config.update("jax_enable_x64", True)
+    return _part(eqx.combine(jax.tree.map(jnp.asarray, arrays), others), weights, draws)
 
 
 @eqx.filter_jit

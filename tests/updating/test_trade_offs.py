@@ -6,6 +6,7 @@ import pytest
 from scipy import stats
 
 import iwanjax as ij
+from iwanjax.cluster import pieces
 from iwanjax.updating.sampled import deviations, not_beaten
 from iwanjax.updating.solution import point
 
@@ -114,6 +115,33 @@ def test_parts_of_a_large_batch_change_no_number(system, curves, sampled, monkey
     again = ij.sample_fits(system, curves, SETS, fixed=["J1.K_T"], weights=[1.0, 0.1])
     np.testing.assert_allclose(again.frequency_rmsd, sampled.frequency_rmsd, rtol=1e-9)
     np.testing.assert_array_equal(again.front, sampled.front)
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore:The balance properties")
+def test_sixty_parts_on_three_workers_of_which_one_is_killed_change_no_number(
+    system, curves, monkeypatch
+):
+    psutil = pytest.importorskip("psutil")  # comes with distributed
+    monkeypatch.setattr("iwanjax.updating.sampled.AT_ONCE", 16)
+    asked = {"fixed": ["J1.K_T"], "weights": [1.0, 0.1]}
+    here = ij.sample_fits(system, curves, 960, **asked)
+    killed = []
+
+    def one_killed(function, items, scheduler, workers):
+        assert len(items) == 60
+        for i, found in pieces(function, items, scheduler, workers):
+            if not killed:
+                mine = psutil.Process().children()
+                killed.extend([each for each in mine if "spawn_main" in each.cmdline()[-2]][:1])
+                killed[0].kill()
+            yield i, found
+
+    monkeypatch.setattr("iwanjax.updating.sampled.pieces", one_killed)
+    there = ij.sample_fits(system, curves, 960, **asked, scheduler="local", workers=3)
+    assert killed
+    for name in ("values", "frequency_rmsd", "damping_rmsd"):
+        np.testing.assert_array_equal(getattr(there, name), getattr(here, name))
 
 
 @pytest.mark.parametrize(
