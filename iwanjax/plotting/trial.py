@@ -76,7 +76,9 @@ def _confusion(ax: Axes, found: "TrialResult") -> None:
     ax.set_xlabel("Said")
     ax.set_ylabel("Concealed")
     ax.tick_params(length=0)
-    ax.set_title("Blue: kind and place right, or rightly nothing; orange: not", weight="normal")
+    ax.set_title(
+        "Blue: right (of a law left out, its place and no name); orange: not", weight="normal"
+    )
 
 
 def _reliability(

@@ -73,9 +73,11 @@ class TrialOutcome(NamedTuple):
 
     @property
     def right(self) -> bool:
-        """Whether kind and place come first, or rightly nothing does."""
+        """Whether kind and place come first; of a law left out its place, and no other name."""
         if self.sort == EMPTY:
             return self.verdict == "nothing_missing"
+        if self.sort == LEFT_OUT:
+            return self.place_right and self.largest_name <= MOST_OF_A_NAME
         named = self.verdict == "something_missing"
         return named and self.place_right and self.said_kind == self.kind
 
