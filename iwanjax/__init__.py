@@ -45,11 +45,18 @@ if TYPE_CHECKING:
     from iwanjax.discrepancy import Diagnosis, compare_modes
     from iwanjax.dynamics import (
         SimulatedResponse,
+        base_input,
         controlled_response,
+        half_sine,
         harmonic_response,
         modal_decays,
+        modal_input,
         nonlinear_modes,
+        point_input,
+        ramp,
         simulate,
+        sine,
+        sweep,
     )
     from iwanjax.estimation import LogNormal, LogUniform, Normal, Parameter, Uniform
     from iwanjax.modal_analysis import modal_test
@@ -66,8 +73,12 @@ if TYPE_CHECKING:
         ringdown,
         ringdown_curves,
     )
-    from iwanjax.structures.fem.brake_reuss import brake_reuss_beam, brake_reuss_joints
-    from iwanjax.structures.fem.sumali import sumali_beam, sumali_joints
+    from iwanjax.structures.fem.brake_reuss import (
+        brake_reuss_beam,
+        brake_reuss_joints,
+        brake_reuss_springs,
+    )
+    from iwanjax.structures.fem.sumali import sumali_beam, sumali_joints, sumali_springs
     from iwanjax.studies import Measurement, Study, as_recording, load_study
     from iwanjax.studies.dispatch import diagnose
     from iwanjax.updating import (
@@ -98,6 +109,13 @@ _LATER = {
     "compare_modes": "iwanjax.discrepancy",
     "controlled_response": "iwanjax.dynamics",
     "harmonic_response": "iwanjax.dynamics",
+    "base_input": "iwanjax.dynamics",
+    "half_sine": "iwanjax.dynamics",
+    "modal_input": "iwanjax.dynamics",
+    "point_input": "iwanjax.dynamics",
+    "ramp": "iwanjax.dynamics",
+    "sine": "iwanjax.dynamics",
+    "sweep": "iwanjax.dynamics",
     "modal_decays": "iwanjax.dynamics",
     "nonlinear_modes": "iwanjax.dynamics",
     "SimulatedResponse": "iwanjax.dynamics",
@@ -116,8 +134,10 @@ _LATER = {
     "ringdown_curves": "iwanjax.signals",
     "brake_reuss_beam": "iwanjax.structures.fem.brake_reuss",
     "brake_reuss_joints": "iwanjax.structures.fem.brake_reuss",
+    "brake_reuss_springs": "iwanjax.structures.fem.brake_reuss",
     "sumali_beam": "iwanjax.structures.fem.sumali",
     "sumali_joints": "iwanjax.structures.fem.sumali",
+    "sumali_springs": "iwanjax.structures.fem.sumali",
     "FitSolution": "iwanjax.updating",
     "update_linear": "iwanjax.updating",
     "positive_parameter": "iwanjax.updating",
@@ -178,14 +198,17 @@ __all__ = [
     "Uniform",
     "as_recording",
     "band_pass",
+    "base_input",
     "brake_reuss_beam",
     "brake_reuss_joints",
+    "brake_reuss_springs",
     "compare_modes",
     "compile_quickly",
     "controlled_response",
     "coupled_modes",
     "diagnose",
     "fit",
+    "half_sine",
     "harmonic_response",
     "hysteresis",
     "load_study",
@@ -193,14 +216,17 @@ __all__ = [
     "modal_assurance",
     "modal_decays",
     "modal_filter",
+    "modal_input",
     "modal_parameters",
     "modal_test",
     "nonlinear_modes",
     "oscillator",
     "pareto_front",
     "plot",
+    "point_input",
     "positive_parameter",
     "qsma",
+    "ramp",
     "read_curves",
     "read_recording",
     "read_recordings",
@@ -210,10 +236,13 @@ __all__ = [
     "sample_fits",
     "sample_posterior",
     "simulate",
+    "sine",
     "spring",
     "structural_parameters",
     "sumali_beam",
     "sumali_joints",
+    "sumali_springs",
+    "sweep",
     "three_mass",
     "update_linear",
 ]

@@ -17,11 +17,11 @@ from iwanjax.errors import InputError
 pytest.importorskip("skfem", reason="scikit-fem (extra fem) is not installed")
 
 from iwanjax.structures.fem.brake_reuss import (
-    BRAKE_REUSS_Y_SPRINGS,
     brake_reuss_beam,
     brake_reuss_joints,
+    brake_reuss_springs,
 )
-from iwanjax.structures.fem.sumali import SUMALI_SPRINGS, sumali_beam, sumali_joints
+from iwanjax.structures.fem.sumali import sumali_beam, sumali_joints, sumali_springs
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 # A mesh that is built in a second, once for all tests.
@@ -82,7 +82,7 @@ def test_without_a_list_it_has_the_thesis_s_springs_and_joints(study_file):
     joints = brake_reuss_joints()
     assert study.structure.labels == tuple(joints)
     assert_allclose(study.structure.basis.stiffness, [joint.K_T for joint in joints.values()])
-    expected = brake_reuss_beam(size=40.0, modes=3).model(BRAKE_REUSS_Y_SPRINGS).structure
+    expected = brake_reuss_beam(size=40.0, modes=3).model(brake_reuss_springs("y")).structure
     assert_allclose(study.model.structure.K, expected.K)
     assert not np.any(study.structure.structure.C)
 
@@ -171,7 +171,7 @@ def test_the_shipped_brake_reuss_beam_is_the_thesis_s():
             assert_allclose(getattr(own, name), getattr(joint, name), rtol=1e-5)
     ends = np.log10(study.qsma.levels[:, [0, -1]])
     assert_allclose(ends, [[1.25, 3.30], [1.15, 3.85], [1.10, 3.40]], atol=1e-4)
-    expected = brake_reuss_beam().model(BRAKE_REUSS_Y_SPRINGS).structure
+    expected = brake_reuss_beam().model(brake_reuss_springs("y")).structure
     assert_allclose(study.model.structure.K, expected.K)
 
 
@@ -210,5 +210,5 @@ def test_the_shipped_sumali_beam_is_the_thesis_s():
     # The outer bolt moves in z with both strips.
     (row,) = np.asarray(second.inputs)
     assert list(np.flatnonzero(row)) == [study.model.coordinates.index("J1A.z")]
-    expected = sumali_beam().model(SUMALI_SPRINGS).structure
+    expected = sumali_beam().model(sumali_springs()).structure
     assert_allclose(study.model.structure.K, expected.K)

@@ -77,13 +77,13 @@ class _Beam(NamedTuple):
 def _brake_reuss_beam() -> _Beam:
     from iwanjax.structures.fem import brake_reuss as beam
 
-    return _Beam(beam.brake_reuss_beam, beam.BRAKE_REUSS_Y_SPRINGS, beam.brake_reuss_joints())
+    return _Beam(beam.brake_reuss_beam, beam.brake_reuss_springs("y"), beam.brake_reuss_joints())
 
 
 def _sumali_beam() -> _Beam:
     from iwanjax.structures.fem import sumali as beam
 
-    return _Beam(beam.sumali_beam, beam.SUMALI_SPRINGS, beam.sumali_joints())
+    return _Beam(beam.sumali_beam, beam.sumali_springs(), beam.sumali_joints())
 
 
 # Imported when they are named: they bring in sparse matrices.

@@ -122,9 +122,8 @@ def modal_decays(
     --------
     >>> import numpy as np
     >>> import iwanjax as ij
-    >>> from iwanjax.dynamics import half_sine
     >>> chain, dt = ij.three_mass(zeta=2e-3), 0.2
-    >>> push = half_sine(dt * np.arange(8000), 1.0, 0.5)[:, None]  # on the third mass
+    >>> push = ij.half_sine(dt * np.arange(8000), 1.0, 0.5)[:, None]  # on the third mass
     >>> decays = ij.modal_decays(chain, push, dt, inputs=[[0, 0, 1]])
     >>> decays.velocity.shape  # cases, samples, modes
     (1, 8000, 3)

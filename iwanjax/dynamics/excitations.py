@@ -4,7 +4,7 @@ A history is a function of the instants alone, a row one of the structure alone;
 :func:`iwanjax.simulate` takes them apart::
 
     omega = js.modes().omega[2]
-    simulate(js, half_sine(t, 15e3, omega), dt, inputs=point_input(js, 1))
+    ij.simulate(js, ij.half_sine(t, 15e3, omega), dt, inputs=ij.point_input(js, 1))
 
 Amplitudes may have a leading axis, one level each: ``half_sine(t, levels[:, None], omega)``
 is (levels, N), and with ``[..., None]`` what ``simulate`` takes as a batch.
@@ -48,6 +48,14 @@ def half_sine(t: ArrayLike, amplitude: ArrayLike, omega: ArrayLike) -> Float[Arr
     ------
     InputError
         For values that are not finite or a frequency that is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.linspace(0.0, 0.02, 5)  # s; the blow lasts 10 ms
+    >>> ij.half_sine(t, 50.0, np.pi / 0.01).round(1).tolist()
+    [0.0, 50.0, 0.0, 0.0, 0.0]
     """
     return _half_sine(as_real(t, "t"), as_real(amplitude, "amplitude"), _positive(omega, "omega"))
 
@@ -79,6 +87,14 @@ def sine(
     ------
     InputError
         For values that are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.array([0.0, 0.25, 0.5, 0.75])
+    >>> ij.sine(t, ij.ramp(t, 4.0, 0.0, 1.0), 2 * np.pi).round(1).tolist()  # dies away
+    [0.0, 3.0, 0.0, -1.0]
     """
     return _sine(
         as_real(t, "t"),
@@ -112,6 +128,12 @@ def ramp(
     ------
     InputError
         For values that are not finite or a duration that is not positive.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.ramp([0.0, 1.0, 2.0, 3.0], 0.0, 4.0, 2.0).tolist()
+    [0.0, 2.0, 4.0, 4.0]
     """
     return _ramp(
         as_real(t, "t"),
@@ -151,6 +173,15 @@ def sweep(
     InputError
         For frequencies that are not two different positive numbers, and instants that do not
         ascend.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> t = np.arange(4096) / 1024
+    >>> crossings = np.diff(np.sign(ij.sweep(t, 1.0, (5.0, 15.0)))) != 0
+    >>> int(crossings.sum()) // 2  # cycles in 4 s from 5 to 15 Hz
+    40
     """
     instants = as_real(t, "t")
     if instants.ndim != 1 or (not is_traced(instants) and np.any(np.diff(instants) <= 0)):
@@ -187,6 +218,14 @@ def modal_input(
     ------
     InputError
         For a mode that the structure does not have.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> chain = ij.three_mass()
+    >>> row = ij.modal_input(chain, 0)
+    >>> (chain.modes().Phi.T @ row).round(6).tolist()  # of the three modes only the first is driven
+    [1.0, 0.0, 0.0]
     """
     Phi = structure.modes(limit).Phi
     return structure.structure.M @ Phi[:, _index(mode, Phi.shape[1], "mode")]
@@ -211,6 +250,12 @@ def point_input(structure: JointedStructure, coordinate: int) -> Float[Array, " 
     ------
     InputError
         For a coordinate that the structure does not have.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.point_input(ij.three_mass(), 2).tolist()
+    [0.0, 0.0, 1.0]
     """
     n = structure.structure.size
     return jnp.asarray(np.eye(n)[_index(coordinate, n, "coordinate")])
@@ -235,6 +280,12 @@ def base_input(structure: JointedStructure, direction: ArrayLike) -> Float[Array
     ------
     InputError
         For a direction of wrong shape or that is not finite.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.base_input(ij.three_mass(), [1.0, 1.0, 1.0]).tolist()
+    [-10.0, -10.0, -10.0]
     """
     r, n = finite_array(direction, "direction"), structure.structure.size
     if r.shape != (n,):

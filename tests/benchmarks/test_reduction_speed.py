@@ -13,13 +13,12 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem (extra fem) is not installed")
 
 from iwanjax.structures.fem.brake_reuss import (
-    BRAKE_REUSS_X_SPRINGS,
-    BRAKE_REUSS_Y_SPRINGS,
     brake_reuss_full,
+    brake_reuss_springs,
 )
 from iwanjax.structures.full_model import check_reduction
 
-SPRINGS = BRAKE_REUSS_X_SPRINGS | BRAKE_REUSS_Y_SPRINGS
+SPRINGS = brake_reuss_springs()
 
 
 def build():

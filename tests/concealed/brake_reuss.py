@@ -11,9 +11,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from iwanjax.structures.fem.brake_reuss import (
-    BRAKE_REUSS_X_SPRINGS,
-    BRAKE_REUSS_Y_SPRINGS,
     brake_reuss_beam,
+    brake_reuss_springs,
 )
 
 MATRICES = Path(__file__).with_name("brake_reuss.npz")
@@ -30,7 +29,7 @@ GROUND = ("a2", "a6", "a10")
 def main() -> None:
     """Reduce the beam to the modes and static shapes that the places can see."""
     jax.config.update("jax_enable_x64", True)
-    model = brake_reuss_beam().model(BRAKE_REUSS_Y_SPRINGS).structure
+    model = brake_reuss_beam().model(brake_reuss_springs("y")).structure
     beam = brake_reuss_beam()
     joints = {f"J{i}": beam.rows[f"J{i}.x"] for i in range(1, 6)}
     rows = {name: np.asarray(row) for name, row in joints.items()}
@@ -41,7 +40,7 @@ def main() -> None:
     M = np.asarray(model.M)
     K = np.asarray(model.K) + SUSPENSION**2 * M
     stuck = K + sum(
-        BRAKE_REUSS_X_SPRINGS[f"{name}.x"] * np.outer(row, row) for name, row in joints.items()
+        brake_reuss_springs("x")[f"{name}.x"] * np.outer(row, row) for name, row in joints.items()
     )
     everything = np.stack([*rows.values(), *sensors.values(), *inputs.values()])
     squared, modes = eigh(stuck, M)

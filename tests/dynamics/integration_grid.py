@@ -277,15 +277,15 @@ def _beam(model: Any, joints: dict[str, ij.Iwan4], point: str, zeta: float) -> S
 
 
 def _sumali() -> System:
-    from iwanjax.structures.fem.sumali import SUMALI_SPRINGS
+    from iwanjax.structures.fem.sumali import sumali_springs
 
-    return _beam(ij.sumali_beam().model(SUMALI_SPRINGS), ij.sumali_joints(), "left", 1e-4)
+    return _beam(ij.sumali_beam().model(sumali_springs()), ij.sumali_joints(), "left", 1e-4)
 
 
 def _brake_reuss() -> System:
-    from iwanjax.structures.fem.brake_reuss import BRAKE_REUSS_Y_SPRINGS
+    from iwanjax.structures.fem.brake_reuss import brake_reuss_springs
 
-    model = ij.brake_reuss_beam(size=20.0).model(BRAKE_REUSS_Y_SPRINGS)
+    model = ij.brake_reuss_beam(size=20.0).model(brake_reuss_springs("y"))
     (point, *_) = model.inputs
     return _beam(model, ij.brake_reuss_joints(), point, 4.5e-4)
 

@@ -29,23 +29,11 @@ from iwanjax.structures.reduced_model import ReducedModel
 STEEL = Material(E=195.40e3, nu=0.29, rho=7.735e-9)
 """Table 3.1 and Sec. 3.3.1: N/mm², 1, tonne/mm³."""
 
-BRAKE_REUSS_X_SPRINGS = {
-    "J1.x": 5.7609e5,
-    "J2.x": 1.0865e5,
-    "J3.x": 3.7345e5,
-    "J4.x": 1.0865e5,
-    "J5.x": 5.7609e5,
+# Table 3.1, of the patches around the bolts and at the ends, N/mm.
+_TABLE_3_1 = {
+    "x": (5.7609e5, 1.0865e5, 3.7345e5, 1.0865e5, 5.7609e5),
+    "y": (4.0709e6, 5.4855e4, 1.1521e5, 5.4855e4, 4.0709e6),
 }
-"""Table 3.1: stiffness along the bar, N/mm; also K_T of the Iwan elements."""
-
-BRAKE_REUSS_Y_SPRINGS = {
-    "J1.y": 4.0709e6,
-    "J2.y": 5.4855e4,
-    "J3.y": 1.1521e5,
-    "J4.y": 5.4855e4,
-    "J5.y": 4.0709e6,
-}
-"""Table 3.1: stiffness across the interface, N/mm."""
 
 _TABLE_3_5 = {  # chi, phi_max in mm, R
     "J1.x": (-0.418, 8.789e-4, 7.947e6),
@@ -140,6 +128,33 @@ BRAKE_REUSS_INPUTS = {"s": Point((_GEOMETRY.length, _GEOMETRY.height, _GEOMETRY.
 """A hammer at the tip of beam B (point s of Fig. 3.3)."""
 
 
+def brake_reuss_springs(axes: str = "xy") -> dict[str, float]:
+    """The springs of Table 3.1 by row, N/mm: along the bar (x) and across the interface (y).
+
+    Those along the bar are also K_T of the Iwan elements that stand for them: of a beam with joints
+    only those across remain.
+
+    Parameters
+    ----------
+    axes : str
+        Of which: "x", "y" or both.
+
+    Raises
+    ------
+    InputError
+        For another axis.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> ij.brake_reuss_springs("y")["J3.y"]
+    115210.0
+    """
+    if not axes or not set(axes) <= set(_TABLE_3_1):
+        raise InputError(f"brake_reuss_springs: axes = {axes!r}; expected x, y or both")
+    return {f"J{i}.{axis}": k for axis in axes for i, k in enumerate(_TABLE_3_1[axis], 1)}
+
+
 def brake_reuss_joints() -> dict[str, Iwan4]:
     """The tuned Iwan elements of Table 3.5 by joint row, N and mm.
 
@@ -150,10 +165,11 @@ def brake_reuss_joints() -> dict[str, Iwan4]:
     >>> float(joint.chi), round(float(joint.K_T))  # 1, N/mm
     (-0.271, 373450)
     """
+    stuck = brake_reuss_springs("x")
     return {
         name: Iwan4.from_distribution(
             R=R,
-            S=BRAKE_REUSS_X_SPRINGS[name] - R * phi ** (chi + 1) / (chi + 1),
+            S=stuck[name] - R * phi ** (chi + 1) / (chi + 1),
             chi=chi,
             phi_max=phi,
         )
@@ -215,8 +231,8 @@ def brake_reuss_beam(
     Examples
     --------
     >>> import iwanjax as ij
-    >>> from iwanjax.structures.fem.brake_reuss import BRAKE_REUSS_Y_SPRINGS
-    >>> beam = ij.brake_reuss_beam(size=40.0, modes=3).model(BRAKE_REUSS_Y_SPRINGS)  # a coarse mesh
+    >>> coarse = ij.brake_reuss_beam(size=40.0, modes=3)
+    >>> beam = coarse.model(ij.brake_reuss_springs("y"))
     >>> ij.JointedStructure(beam, ij.brake_reuss_joints(), zeta=3e-4).labels
     ('J1.x', 'J2.x', 'J3.x', 'J4.x', 'J5.x')
     """

@@ -26,8 +26,6 @@ STAINLESS = Material(E=248e9, nu=0.29, rho=8000.0)
 """Sec. 2.3.2: N/m², 1, kg/m³."""
 
 _BOLTS = range(1, 5)
-SUMALI_SPRINGS = {f"J{i}.x": 5.3e7 for i in _BOLTS} | {f"J{i}.y": 5.25e8 for i in _BOLTS}
-"""Springs of every joint, N/m: beside the Iwan element along x, and alone along y."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +98,18 @@ SUMALI_SENSORS = {
     "right": Point((_GEOMETRY.total, _MIDDLE, _GEOMETRY.thickness), "z"),
 }
 """Points at the ends and in the middle; the figure with the thesis's own points is lost."""
+
+
+def sumali_springs() -> dict[str, float]:
+    """Springs of Sec. 2.3.2 by row, N/m: beside the Iwan element along x, and alone along y.
+
+    Examples
+    --------
+    >>> import iwanjax as ij
+    >>> len(ij.sumali_springs())
+    8
+    """
+    return {f"J{i}.x": 5.3e7 for i in _BOLTS} | {f"J{i}.y": 5.25e8 for i in _BOLTS}
 
 
 def sumali_joints() -> dict[str, Iwan4]:

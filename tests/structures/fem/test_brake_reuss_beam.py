@@ -17,18 +17,17 @@ pytest.importorskip("skfem", reason="scikit-fem (extra fem) is not installed")
 
 from iwanjax.structures.fem.brake_reuss import (
     BRAKE_REUSS_SENSORS,
-    BRAKE_REUSS_X_SPRINGS,
-    BRAKE_REUSS_Y_SPRINGS,
     BrakeReussGeometry,
     Material,
     brake_reuss_beam,
     brake_reuss_full,
     brake_reuss_joints,
+    brake_reuss_springs,
 )
 from iwanjax.structures.fem.lap_joint import Point
 from iwanjax.structures.full_model import check_reduction
 
-SPRINGS = BRAKE_REUSS_X_SPRINGS | BRAKE_REUSS_Y_SPRINGS
+SPRINGS = brake_reuss_springs()
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +73,7 @@ def test_independent_reduced_model(fine, reference_data):
 @pytest.mark.reference
 def test_first_bending_with_the_tuned_joints(fine):
     """Table 3.5: the independent computation's shift, damping and tip amplitude, within 3 %."""
-    model = fine.model(BRAKE_REUSS_Y_SPRINGS)
+    model = fine.model(brake_reuss_springs("y"))
     joints = {name: (model.rows[name], joint) for name, joint in brake_reuss_joints().items()}
     system = ij.JointedStructure(model.structure, joints)
     curves = ij.qsma(system, 1, [179.51, 1995.3], zeta0=5.37e-4).curves
@@ -226,7 +225,7 @@ def test_points_and_pictures_move_with_the_body(full, reduced):
 
 
 def test_three_lines_to_a_jointed_structure(reduced):
-    beam = reduced.model(BRAKE_REUSS_Y_SPRINGS)
+    beam = reduced.model(brake_reuss_springs("y"))
     joints = {name: (beam.rows[name], joint) for name, joint in brake_reuss_joints().items()}
     system = ij.JointedStructure(beam.structure, joints)
     stuck = reduced.model(SPRINGS).structure.modes()

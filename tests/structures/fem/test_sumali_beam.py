@@ -10,11 +10,11 @@ from iwanjax.errors import InputError
 pytest.importorskip("skfem", reason="scikit-fem (extra fem) is not installed")
 
 from iwanjax.structures.fem.sumali import (
-    SUMALI_SPRINGS,
     SumaliGeometry,
     sumali_beam,
     sumali_full,
     sumali_joints,
+    sumali_springs,
 )
 from iwanjax.structures.full_model import check_reduction
 
@@ -34,7 +34,7 @@ def reduced(full):
 @pytest.mark.reference
 def test_table_2_4(reduced):
     """Bending modes 7, 8, 9 with the joints stuck and slipping, rad/s, within 0.5 %."""
-    beam = reduced.model(SUMALI_SPRINGS)
+    beam = reduced.model(sumali_springs())
     joints = {name: (beam.rows[name], joint) for name, joint in sumali_joints().items()}
     system = ij.JointedStructure(beam.structure, joints)
     assert_allclose(system.modes("low").omega[:3], [759.3, 1345, 3185], rtol=5e-3)
