@@ -1,6 +1,11 @@
 """Dynamics: jointed structures in time."""
 
-from iwanjax.dynamics.decays import ModalDecays, component_rows, modal_decays
+from iwanjax.dynamics.decays import (
+    ModalDecays,
+    component_rows,
+    measured_decays,
+    modal_decays,
+)
 from iwanjax.dynamics.energy import Energies
 from iwanjax.dynamics.excitations import (
     base_input,
@@ -29,6 +34,7 @@ __all__ = [
     "controlled_response",
     "half_sine",
     "harmonic_response",
+    "measured_decays",
     "modal_decays",
     "modal_input",
     "nonlinear_modes",

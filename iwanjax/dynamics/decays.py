@@ -1,17 +1,19 @@
 """Free decays of a structure after impacts, mode by mode (thesis Sec. 2.2.3)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
+from iwanjax.curves import QUANTITIES
 from iwanjax.dynamics.propagator import Method
 from iwanjax.dynamics.transient import simulate
 from iwanjax.errors import InputError
 from iwanjax.joints.sliders import SLIDERS
 from iwanjax.results import AbstractResult
-from iwanjax.signals.filters import analytic_signal, band_pass_gain
+from iwanjax.signals import Channel, Recording
+from iwanjax.signals.filters import analytic_signal, band_pass_gain, modal_filter
 from iwanjax.signals.hilbert import RingDown, ringdown
 from iwanjax.structures import JointedStructure, modal_assurance
 from iwanjax.structures.checks import finite_array
@@ -31,7 +33,7 @@ _ORDER = 3
 
 @dataclass(frozen=True, eq=False)
 class ModalDecays(AbstractResult):
-    """Result of :func:`iwanjax.modal_decays`.
+    """Result of :func:`iwanjax.modal_decays` and :func:`iwanjax.dynamics.measured_decays`.
 
     Attributes
     ----------
@@ -130,20 +132,8 @@ def modal_decays(
     >>> round(float(decays.ringdowns[0][0].curves.frequency[-1]), 4)  # Hz, of the first mode
     0.0676
     """
-    low = structure.modes("low")
-    asked = range(low.omega.shape[0]) if modes is None else modes
-    which = tuple(_mode(structure, np.asarray(low.Phi), mode) for mode in asked)
-    if len(set(which)) != len(which):
-        raise InputError(f"modes: these are modes {', '.join(map(str, which))}; expected each once")
-    own = _bands(structure)
-    given = [None] * len(which) if bands is None else list(bands)
-    if len(given) != len(which):
-        raise InputError(f"got {len(given)} bands for {len(which)} modes; expected one each")
-    chosen = tuple(
-        own[mode] if band is None else _band(i, band)
-        for i, (mode, band) in enumerate(zip(which, given, strict=True))
-    )
-    Phi = np.asarray(low.Phi)[:, list(which)]
+    which, chosen = _followed(structure, modes, bands)
+    Phi = np.asarray(structure.modes("low").Phi)[:, list(which)]
     found = simulate(
         structure,
         force,
@@ -157,22 +147,153 @@ def modal_decays(
     )
     velocity = np.asarray(found.velocity)
     velocity = velocity if velocity.ndim == 3 else velocity[None]
-    rate = 1.0 / (dt * every)
     begin = _last_force(np.asarray(force), dt) if start is None else start
-    omega = np.asarray(low.omega)[list(which)]
-    envelope = np.empty_like(velocity)
+    time = np.asarray(found.time)
+    return _taken_apart(structure, time, velocity, "velocity", which, chosen, begin)
+
+
+def measured_decays(
+    structure: JointedStructure,
+    recordings: Sequence[Recording],
+    sensors: Mapping[str, ArrayLike],
+    *,
+    modes: Sequence[int | ArrayLike] | None = None,
+    bands: Sequence[tuple[float, float] | None] | None = None,
+    start: float | None = None,
+) -> ModalDecays:
+    r"""Measured decays taken apart mode by mode: which mode dominates when (thesis Fig. 2.8).
+
+    As :func:`iwanjax.modal_decays`, with :func:`iwanjax.modal_filter` over the sensors. Of modes
+    that are not followed the filter sees what looks like those that are.
+
+    Parameters
+    ----------
+    structure : JointedStructure
+        What was hit: its modes at low amplitude.
+    recordings : sequence of Recording
+        Of one rate, length, and quantity; a case each.
+    sensors : mapping of str to (n,) array_like
+        What each channel sees is ``row @ u`` or its derivative; a model's ``sensors``. Channels
+        that are not among them are left out.
+    modes, bands
+        As for :func:`iwanjax.modal_decays`; by default as many modes as there are sensors.
+    start : float, optional
+        Beginning of the free decays, s; by default where :func:`iwanjax.ringdown` finds it.
+
+    Returns
+    -------
+    ModalDecays
+
+    Raises
+    ------
+    InputError
+        For recordings that are not alike, more modes than sensors can tell, and as
+        :func:`iwanjax.modal_decays`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import iwanjax as ij
+    >>> from iwanjax.dynamics import measured_decays
+    >>> chain, t = ij.three_mass(), np.arange(8192) / 2.0
+    >>> q = np.exp(-2e-3 * t) * np.sin(float(chain.modes().omega[0]) * t)
+    >>> at = np.asarray(chain.modes().Phi)[:, 0]
+    >>> hit = ij.as_recording(
+    ...     q[:, None] * at, sampling_rate=2.0, quantity="velocity", sensors=["a", "b", "c"]
+    ... )
+    >>> decays = measured_decays(chain, [hit], dict(zip("abc", np.eye(3))))
+    >>> int(np.argmax(decays.envelope[0, 2000]))  # the mode that dominates
+    0
+    """
+    several = list(recordings)
+    channels, quantity = _alike(several)
+    seen = [i for i, channel in enumerate(channels) if channel.name in sensors]
+    if not seen:
+        names = ", ".join(channel.name for channel in channels)
+        raise InputError(
+            f"measured_decays: no channel of {names} is among the sensors {', '.join(sensors)}"
+        )
+    rows = np.stack([finite_array(sensors[channels[i].name], "sensors") for i in seen])
+    all_of = np.asarray(structure.modes("low").Phi)
+    asked = range(min(len(seen), all_of.shape[1])) if modes is None else modes
+    which, chosen = _followed(structure, asked, bands)
+    shapes = rows @ all_of[:, list(which)]
+    histories = np.stack([modal_filter(each.response[:, seen], shapes) for each in several])
+    return _taken_apart(structure, several[0].time, histories, quantity, which, chosen, start)
+
+
+def _alike(recordings: Sequence[Recording]) -> tuple[tuple[Channel, ...], str]:
+    """Channels and quantity that all recordings share."""
+    if not recordings:
+        raise InputError("measured_decays: no recordings")
+    first = recordings[0]
+    for each in recordings[1:]:
+        same = each.size == first.size and np.isclose(each.sampling_rate, first.sampling_rate)
+        if not same or [c.name for c in each.channels] != [c.name for c in first.channels]:
+            raise InputError(
+                f"measured_decays: {each.name} has another rate, length or other channels than "
+                f"{first.name}; take such recordings apart one by one"
+            )
+    quantities = {channel.quantity for each in recordings for channel in each.channels}
+    if len(quantities) != 1 or None in quantities:
+        raise InputError(
+            f"measured_decays: channels measure {', '.join(map(str, quantities))}; expected one "
+            f"of {', '.join(QUANTITIES)}"
+        )
+    return first.channels, str(quantities.pop())
+
+
+def _followed(
+    structure: JointedStructure,
+    modes: Sequence[int | ArrayLike] | None,
+    bands: Sequence[tuple[float, float] | None] | None,
+) -> tuple[tuple[int, ...], tuple[tuple[float, float], ...]]:
+    """Modes by their indices, and the band of each."""
+    Phi = np.asarray(structure.modes("low").Phi)
+    asked = range(Phi.shape[1]) if modes is None else modes
+    which = tuple(_mode(structure, Phi, mode) for mode in asked)
+    if len(set(which)) != len(which):
+        raise InputError(f"modes: these are modes {', '.join(map(str, which))}; expected each once")
+    own = _bands(structure)
+    given = [None] * len(which) if bands is None else list(bands)
+    if len(given) != len(which):
+        raise InputError(f"got {len(given)} bands for {len(which)} modes; expected one each")
+    chosen = tuple(
+        own[mode] if band is None else _band(i, band)
+        for i, (mode, band) in enumerate(zip(which, given, strict=True))
+    )
+    return which, chosen
+
+
+def _taken_apart(
+    structure: JointedStructure,
+    time: np.ndarray,
+    histories: np.ndarray,
+    quantity: str,
+    which: tuple[int, ...],
+    chosen: tuple[tuple[float, float], ...],
+    start: float | None,
+) -> ModalDecays:
+    """Envelope and ring-down of each modal history (cases, N, modes) of a quantity."""
+    rate = 1.0 / float(time[1] - time[0])
+    omega = np.asarray(structure.modes("low").omega)[list(which)]
+    velocity, envelope = histories.copy(), np.empty_like(histories)
     rows, reasons = [], []
-    for case, signals in enumerate(velocity):
+    for case, signals in enumerate(histories):
         row: list[RingDown | None] = []
         told = []
         for i, band in enumerate(chosen):
             signal = signals[:, i]
             # What the band's corner, near where modes are close, takes off the mode.
             gain = band_pass_gain(omega[i] / (2.0 * np.pi), band, _ORDER)
-            passed = np.abs(analytic_signal(signal, rate, band, _ORDER))
-            envelope[case, :, i] = passed / (gain * omega[i])
+            passed = analytic_signal(signal, rate, band, _ORDER) / gain
+            envelope[case, :, i] = np.abs(passed) / omega[i] ** QUANTITIES[quantity]
+            if quantity != "velocity":
+                turned = passed * (1j * omega[i]) ** (1 - QUANTITIES[quantity])
+                velocity[case, :, i] = np.real(turned)
             try:
-                row.append(ringdown(signal, rate, band, name=f"mode {which[i]}", start=begin))
+                name = f"mode {which[i]}"
+                row.append(ringdown(signal, rate, band, quantity, name=name, start=start))
                 told.append("")
             except InputError as error:
                 row.append(None)
@@ -180,14 +301,7 @@ def modal_decays(
         rows.append(tuple(row))
         reasons.append(tuple(told))
     return ModalDecays(
-        structure,
-        np.asarray(found.time),
-        velocity,
-        envelope,
-        tuple(rows),
-        tuple(reasons),
-        chosen,
-        which,
+        structure, time, velocity, envelope, tuple(rows), tuple(reasons), chosen, which
     )
 
 

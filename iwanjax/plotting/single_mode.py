@@ -91,7 +91,7 @@ def plot_decays(decays: ModalDecays, case: int = 0) -> Figure:
     Parameters
     ----------
     decays : ModalDecays
-        Of :func:`iwanjax.modal_decays`.
+        Of :func:`iwanjax.modal_decays`, or of :func:`iwanjax.dynamics.measured_decays`.
     case : int
         Which of them.
 

@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import iwanjax as ij
-from iwanjax.dynamics import component_rows, half_sine, modal_input
+from iwanjax.dynamics import component_rows, half_sine, measured_decays, modal_input
 from iwanjax.errors import InputError
+from iwanjax.plotting import plot_decays
 from iwanjax.signals import measured_components
 
 # Four masses on springs of their own: natural frequencies at rest, Hz, and those of them that
@@ -136,3 +137,58 @@ def test_of_more_sensors_than_modes_the_projector_is_that_of_least_squares():
     assert_allclose(found, (projector @ u.T).T * Phi[3], rtol=1e-9)
     with pytest.raises(InputError, match="sensor = 5; expected 0 to 4"):
         measured_components(u, Phi, 5)
+
+
+@pytest.fixture(scope="module")
+def chain_hit():
+    """Three masses on a chain hit at the last: all modes, and what sensors see of them."""
+    chain, dt = ij.three_mass(zeta=2e-3), 0.2
+    push = half_sine(dt * np.arange(8000), 1.0, 0.5)[:, None]
+    known = ij.modal_decays(chain, push, dt, inputs=[[0, 0, 1]])
+    seen = ij.simulate(chain, push, dt, inputs=[[0, 0, 1]], sensors=np.eye(3))
+    return chain, dt, known, seen
+
+
+@pytest.mark.parametrize("quantity", ["acceleration", "velocity", "displacement"])
+def test_measured_decays_are_those_of_the_simulation(chain_hit, quantity):
+    chain, dt, known, seen = chain_hit
+    hit = ij.as_recording(
+        np.asarray(getattr(seen, quantity)),
+        sampling_rate=1.0 / dt,
+        quantity=quantity,
+        sensors=["a", "b", "c"],
+    )
+    found = measured_decays(
+        chain, [hit], dict(zip("abc", np.eye(3), strict=True)), start=float(hit.time[40])
+    )
+    assert found.modes == known.modes
+    part = slice(400, 6000)
+    assert_allclose(found.envelope[0, part], known.envelope[0, part], rtol=0.03)
+    for one, other in zip(found.ringdowns[0], known.ringdowns[0], strict=True):
+        assert one is not None
+        assert other is not None
+        low, high = (float(np.mean(np.asarray(each.curves.frequency))) for each in (one, other))
+        assert low == pytest.approx(high, rel=2e-3)
+    plot_decays(found)
+
+
+def test_measured_decays_need_recordings_that_are_alike_and_sensors_that_are_known(chain_hit):
+    chain, dt, _, seen = chain_hit
+    motion = np.asarray(seen.velocity)
+
+    def recording(response, rate=1.0 / dt, names=("a", "b", "c"), name="one"):
+        return ij.as_recording(
+            response, sampling_rate=rate, quantity="velocity", sensors=list(names), name=name
+        )
+
+    sensors = dict(zip("abc", np.eye(3), strict=True))
+    hit = recording(motion)
+    for other in (recording(motion[:4000], name="two"), recording(motion, 2.0 / dt, name="two")):
+        with pytest.raises(InputError, match="two has another rate, length or other channels"):
+            measured_decays(chain, [hit, other], sensors)
+    with pytest.raises(InputError, match="no channel of a, b, c is among the sensors x"):
+        measured_decays(chain, [hit], {"x": [1.0, 0.0, 0.0]})
+    with pytest.raises(InputError, match="no recordings"):
+        measured_decays(chain, [], sensors)
+    two = {name: sensors[name] for name in "ab"}
+    assert measured_decays(chain, [hit], two).modes == (0, 1)
