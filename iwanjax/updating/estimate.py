@@ -36,8 +36,6 @@ from iwanjax.updating.structural import (
 _SAME_COST = 1e-3
 # Chance that noise makes the best minimum, when the truth lies in another one.
 _CHANCE = 1e-3
-# Starts that are iterated upon.
-_RUNS = 16
 
 
 def fit(
@@ -100,7 +98,7 @@ def fit(
     starts : int
         Starting points: the parameters' values, and draws from their priors. All are
         improved and compared; sixteen, the best of each neighbourhood, are run to their
-        minimum.
+        minimum, and all of up to 64 of a single mode with an Iwan joint.
     seed : int
         Of the draws.
     method : {"optimistix", "jaxopt", "host"}
@@ -180,16 +178,16 @@ def solve(
     """Search a problem and say how sure its answer is."""
     random = np.random.default_rng(seed)
     draws = problem.spread(drawn(parameters, random, starts))
-    searched = _searched(problem, parameters)
+    searched, runs = _searched(problem, parameters), min(starts, problem.most_runs)
     with ThreadPoolExecutor(1) as other:
         # The compiler leaves the second core to this, which is wanted right after.
         other.submit(point, problem, jnp.asarray(draws[0]))
-        found = least_squares(searched, jnp.asarray(draws), min(starts, _RUNS), method=method)
+        found = least_squares(searched, jnp.asarray(draws), runs, method=method)
     best = min(found, key=lambda each: each.cost)
     further = problem.restarts(best.values, starts)
     if further is not None:
         # As many again: one compiled search serves both.
-        found += least_squares(searched, jnp.asarray(further), min(starts, _RUNS), method=method)
+        found += least_squares(searched, jnp.asarray(further), runs, method=method)
         best = min(found, key=lambda each: each.cost)
     if not np.isfinite(best.cost):
         raise InputError(

@@ -127,6 +127,11 @@ class AbstractProblem(AbstractLeastSquares):
     def model(self, theta: Float[Array, " parameters"]) -> eqx.Module:
         """The model with these parameters."""
 
+    @property
+    def most_runs(self) -> int:
+        """How many starts, the best of each neighbourhood, are run to their minimum."""
+        return 16
+
     def spread(self, draws: np.ndarray) -> np.ndarray:
         """Starts (starts, parameters) moved so that neighbouring valleys all get some, in order."""
         return draws
