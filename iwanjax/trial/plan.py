@@ -158,7 +158,10 @@ def concealed(base: TrialBase, plan: TrialPlan, number: int) -> ConcealedTrial:
         effect = _sized(truth, joints, act, where, strength, rng)
         if effect is None:
             continue
-        responses = _recorded(truth, joints, effect, rng)
+        try:
+            responses = _recorded(truth, joints, effect, rng)
+        except InputError:  # too stiff for any number of steps
+            continue
         if all(np.isfinite(each).all() for each in responses.response):
             return ConcealedTrial(number, sort, kind, effect, strength, joints, responses)
     raise InputError(
@@ -235,6 +238,9 @@ def _sized(
 ) -> Effect | None:
     """The effect of a strength; None where it cannot change the recordings that much."""
     take = base.hardest
+    if kind == "joint_drift":
+        # The first recording is where a joint drifts from.
+        take = replace(take, order=max(take.order, 1))
     if kind in OF_SENSORS:
         return Effect(kind, where, fault_values(kind, strength, rng, lambda: _peak(base, where)))
     without, path = path_at(base, joints, take, where, _COARSE)
