@@ -7,15 +7,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from scipy.stats import beta
 
 from iwanjax.plotting.style import DOUBLE_COLUMN, GREY, PALETTE, paper_style, set_up
+from iwanjax.trial.outcome import jeffreys_interval
 
 if TYPE_CHECKING:
     from iwanjax.trial import TrialResult
 
-# Of the forecasts that a reliability diagram puts together, and its intervals' probability.
-_EDGES, _INTERVAL = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0), 0.9
+# Of the forecasts that a reliability diagram puts together.
+_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
 _MARKERS = ("o", "s", "^")
 
 
@@ -85,18 +85,23 @@ def _reliability(
     ax: Axes, probability: np.ndarray, true: np.ndarray, i: int, shift: float, label: str
 ) -> None:
     inside = np.clip(np.searchsorted(_EDGES, probability, side="right") - 1, 0, len(_EDGES) - 2)
-    x, y, low, high = [], [], [], []
-    tail = 0.5 * (1.0 - _INTERVAL)
+    x, y, bars = [], [], []
     for each in np.unique(inside):
         chosen = inside == each
         hits, n = int(true[chosen].sum()), int(chosen.sum())
+        share = hits / n
+        low, high = jeffreys_interval(hits, n)
         x.append(float(probability[chosen].mean()) + shift)
-        y.append(hits / n)
-        low.append(y[-1] - float(beta.ppf(tail, hits + 0.5, n - hits + 0.5)) if hits else 0.0)
-        high.append(
-            float(beta.ppf(1.0 - tail, hits + 0.5, n - hits + 0.5)) - y[-1] if hits < n else 0.0
-        )
-    bars = [np.maximum(low, 0.0), np.maximum(high, 0.0)]
+        y.append(share)
+        # The interval of few and rare hits may begin above their share.
+        bars.append((max(share - low, 0.0), max(high - share, 0.0)))
     ax.errorbar(
-        x, y, bars, fmt=_MARKERS[i], color=PALETTE[i], elinewidth=0.8, capsize=2, label=label
+        x,
+        y,
+        np.transpose(bars),
+        fmt=_MARKERS[i],
+        color=PALETTE[i],
+        elinewidth=0.8,
+        capsize=2,
+        label=label,
     )

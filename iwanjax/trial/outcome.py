@@ -94,6 +94,14 @@ class TrialOutcome(NamedTuple):
         return {"nothing_missing": NOTHING}.get(self.verdict, self.verdict)
 
 
+def jeffreys_interval(hits: int, of: int) -> tuple[float, float]:
+    """Ends of a share's 90 % interval by Jeffreys' prior (Brown, Cai and DasGupta 2001)."""
+    tail = 0.5 * (1.0 - _INTERVAL)
+    low = float(beta.ppf(tail, hits + 0.5, of - hits + 0.5)) if hits else 0.0
+    high = float(beta.ppf(1.0 - tail, hits + 0.5, of - hits + 0.5)) if hits < of else 1.0
+    return low, high
+
+
 class Counted(NamedTuple):
     """How often something is so.
 
@@ -117,10 +125,7 @@ class Counted(NamedTuple):
     ) -> "Counted":
         """Of outcomes."""
         hits, n = sum(map(so, some)), len(some)
-        tail = 0.5 * (1.0 - _INTERVAL)
-        low = float(beta.ppf(tail, hits + 0.5, n - hits + 0.5)) if hits else 0.0
-        high = float(beta.ppf(1.0 - tail, hits + 0.5, n - hits + 0.5)) if hits < n else 1.0
-        return cls(what, hits, n, low, high)
+        return cls(what, hits, n, *jeffreys_interval(hits, n))
 
 
 class Forecast(NamedTuple):

@@ -31,10 +31,9 @@ from concealed.study import model_arrays
 
 from iwanjax.trial import acquisition
 from iwanjax.trial.effects import Effect
+from iwanjax.trial.simulation import FORCE_NOISE
 
 SIZES = Path(__file__).with_name("lab_sizes.json")
-FORCE_NOISE = 0.001
-"""Standard deviation of a force's noise over its peak in the recording."""
 HUM, DRIFT, OFFSET, FULL_SCALE = 1.0, 1.0, 4.0, 8.0
 """Mild nuisances: amplitude of hum, rms of drift and largest offset over the sensor's noise;
 full scale of the converter over the largest signal of the study."""

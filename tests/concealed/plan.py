@@ -13,6 +13,7 @@ from concealed.hammer import Hit
 from concealed.structures import STRUCTURES, Iwan, Structure
 
 from iwanjax.trial.effects import Effect
+from iwanjax.trial.plan import OF_JOINTS, OF_SENSORS
 
 Wanted = tuple[str, str, str]
 """Kind, place and strength of a concealed effect."""
@@ -168,8 +169,7 @@ FORCES = (
     "quadratic_damping",
     "viscoelastic",
 )
-OF_JOINTS = ("stiction", "joint_drift")
-OF_SENSORS = ("sensor_gain", "sensor_delay", "sensor_saturation", "sensor_polarity")
+"""Of the drawn cases: what is drawn depends on their number and order."""
 DRAWN_EMPTY = (*STRUCTURES, *STRUCTURES, "chain2", "chain3", "chain6", "lap_beam")
 EMPTY_BEAMS = ("brake_reuss", "brake_reuss")
 EMPTY_THIRD = (

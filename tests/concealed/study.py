@@ -21,9 +21,7 @@ from concealed.plan import SETS, Case
 from concealed.structures import Structure
 
 from iwanjax.trial.acquisition import saturate
-
-FORCE_NOISE = 0.001
-"""Standard deviation of the force's noise over the recording's own peak force."""
+from iwanjax.trial.simulation import FORCE_NOISE
 
 
 def model_arrays(structure: Structure) -> dict[str, np.ndarray]:
