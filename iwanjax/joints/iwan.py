@@ -7,7 +7,7 @@ from jaxtyping import Array
 from iwanjax.joints.abstract import AbstractJoint, ParameterInfo
 from iwanjax.joints.discrete import AbstractDiscrete
 from iwanjax.joints.sliders import SLIDERS, SliderBank, iwan_sliders
-from iwanjax.types import ArrayLike, as_real
+from iwanjax.types import ArrayLike, Scalar, as_real
 
 _CHI = ParameterInfo(
     "chi",
@@ -44,6 +44,11 @@ DISTRIBUTION_PARAMETERS = (
 def phi_max_of(F_S: Array, K_T: Array, chi: Array, beta: Array) -> Array:
     """Deflection at macroslip, thesis Eq. (2.10)."""
     return F_S * (1.0 + beta) / (K_T * (beta + (chi + 1.0) / (chi + 2.0)))
+
+
+def strength_of(phi_max: Scalar, K_T: Scalar, chi: Scalar, beta: Scalar) -> Scalar:
+    """The inverse of :func:`phi_max_of` for F_S."""
+    return phi_max * K_T * (beta + (chi + 1.0) / (chi + 2.0)) / (1.0 + beta)
 
 
 def distribution_of(F_S: Array, K_T: Array, chi: Array, beta: Array) -> tuple[Array, Array]:

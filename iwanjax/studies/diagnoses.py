@@ -24,7 +24,7 @@ from iwanjax.structures import JointedStructure
 from iwanjax.studies.fits import of_one_quantity
 from iwanjax.studies.measured import MeasuredMode, forces_of, measured_modes
 from iwanjax.updating import modal_parameters
-from iwanjax.updating.structural import joint_parameters
+from iwanjax.updating.joint_groups import joint_parameters
 
 Progress = Callable[[str], None]
 

@@ -5,6 +5,7 @@ import, which a fit does not need.
 """
 
 from iwanjax.updating.estimate import fit
+from iwanjax.updating.joint_groups import structural_parameters
 from iwanjax.updating.linear import positive_parameter, update_linear
 from iwanjax.updating.linear_problem import MeasuredModes
 from iwanjax.updating.linear_solution import LinearSolution
@@ -14,7 +15,6 @@ from iwanjax.updating.posterior import Band, Posterior
 from iwanjax.updating.power_law import Exponents, free_exponents
 from iwanjax.updating.sampled import SampledFits, sample_fits
 from iwanjax.updating.solution import Direction, FitSolution
-from iwanjax.updating.structural import structural_parameters
 
 __all__ = [
     "Band",

@@ -36,8 +36,11 @@ class Density(eqx.Module):
     problem: AbstractProblem
     priors: tuple[AbstractPrior, ...]
 
-    def __call__(self, y: Float[Array, " variables"]) -> Float[Array, ""]:
-        """Log density up to a constant; minus infinity where there is none."""
+    def at(self, y: Float[Array, " variables"], f: Array, zeta: Array) -> Float[Array, ""]:
+        """Log density up to a constant; minus infinity where there is none.
+
+        ``f`` and ``zeta`` are what the problem predicts there, (N,) each.
+        """
         z, log_scales = y[:-2], y[-2:]
         free = np.array(self.problem.chart.free)
         theta = self.problem.to_values(z)
@@ -52,7 +55,7 @@ class Density(eqx.Module):
             & (theta[free] <= self.problem.chart.upper[free])
         )
         noise = -0.5 * jnp.sum((log_scales / _NOISE_SIGMA) ** 2)
-        kinds = self.problem.differences(theta)
+        kinds = self.problem.compared(f, zeta)
         data = sum(
             (
                 -0.5 * jnp.sum(r**2) * jnp.exp(-2.0 * log) - r.size * log
@@ -72,7 +75,8 @@ class Density(eqx.Module):
 @eqx.filter_jit
 def log_densities(density: Density, y: Float[Array, "walkers variables"]) -> Array:
     """Log densities of many points, (walkers,)."""
-    return jax.vmap(density)(y)
+    theta = jax.vmap(density.problem.to_values)(y[:, :-2])
+    return jax.vmap(density.at)(y, *density.problem.predict_sets(theta))
 
 
 @eqx.filter_jit

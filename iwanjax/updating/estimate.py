@@ -20,17 +20,14 @@ from iwanjax.estimation.settings import Method
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision
+from iwanjax.updating.joint_groups import structural_parameters
 from iwanjax.updating.microslip import microslip
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.model_error import ModelError, model_error_of, with_model_error
 from iwanjax.updating.problem import AbstractProblem, Reference
 from iwanjax.updating.projected import ProjectedProblem
 from iwanjax.updating.solution import FitSolution, certainty, point
-from iwanjax.updating.structural import (
-    StructuralProblem,
-    structural_parameters,
-    structural_problem,
-)
+from iwanjax.updating.structural import StructuralProblem, structural_problem
 
 # Costs within this of each other are the same minimum.
 _SAME_COST = 1e-3

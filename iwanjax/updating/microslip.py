@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from iwanjax.estimation.parameters import Parameter
 from iwanjax.joints.iwan import distribution_of, physical_of
+from iwanjax.types import Scalar
 
 # Onsets of macroslip that are tried: a prime, so that each of a few joints goes through all of
 # them in an order of its own.
@@ -49,6 +51,21 @@ class Microslip(NamedTuple):
 
     thetas: tuple[np.ndarray, ...]
     reaches: dict[str, float]
+
+
+def drop_of(K_T: Array, phi_max: Array, chi: Array, beta: Array, d: Scalar) -> Array:
+    r"""By how much an Iwan joint's secant is below K_T in microslip, force/length.
+
+    .. math:: c = \frac{K_T}{(1+\beta)(\chi+2)}\left(\frac{d}{\phi_{max}}\right)^{\chi+1}
+
+    Parameters
+    ----------
+    K_T, phi_max, chi, beta : array
+        The joint.
+    d : float or array
+        Deflection, length.
+    """
+    return K_T / ((chi + 2.0) * (1.0 + beta)) * (d / phi_max) ** (chi + 1.0)
 
 
 def alike_in_microslip(

@@ -15,11 +15,11 @@ from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.estimation.priors import AbstractPrior, LogNormal, Normal, Uniform
 from iwanjax.estimation.transforms import Transform
 from iwanjax.joints import AbstractJoint, ParameterInfo
-from iwanjax.joints.iwan import AbstractIwan, phi_max_of
+from iwanjax.joints.iwan import AbstractIwan, phi_max_of, strength_of
 from iwanjax.joints.iwan5 import Iwan5, ring_down_share
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.structures.small import solve_spd
-from iwanjax.updating.microslip import IwanPlace
+from iwanjax.updating.microslip import IwanPlace, drop_of
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, modal_unit
 
 # Deviation of the logarithm of a joint's strength and stiffness before the data: a factor
@@ -155,14 +155,11 @@ class ModalProblem(AbstractProblem):
 class ModalIwanProblem(ModalProblem):
     r"""The same with an Iwan joint, in variables that suit microslip data.
 
-    In microslip the curves know F_S, K_T, chi and beta only through chi and the drop of
-    stiffness at some amplitude q_r,
-
-    .. math:: c = \frac{K_T}{(1+\beta)(\chi+2)}\left(\frac{q_r}{\phi_{max}}\right)^{\chi+1},
-
-    so that the parameters themselves lie on thin curved ridges. Here c and phi_max take the
-    places of K_T and F_S. With a theta it is c times (4.47)'s share that they know, below
-    (1 + theta)/2 of the largest amplitude, and that is c here.
+    In microslip the curves know F_S, K_T, chi and beta only through chi and the drop c of
+    stiffness at some amplitude (:func:`~iwanjax.updating.microslip.drop_of`), so that the
+    parameters themselves lie on thin curved ridges. Here c and phi_max take the places of K_T and
+    F_S. With a theta it is c times (4.47)'s share that they know, below (1 + theta)/2 of the
+    largest amplitude, and that is c here.
     """
 
     q_ref: Array
@@ -170,19 +167,17 @@ class ModalIwanProblem(ModalProblem):
     def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
         """Parameters of (f_0, zeta_0, phi_max, c, chi, beta, ...), each in its own transform."""
         f_0, zeta_0, phi_max, drop, chi, beta, *kinetic = self.chart.to_values(z)
-        n = chi + 2.0
-        drop = drop / self._share(chi, kinetic)
-        K_T = drop * n * (1.0 + beta) * (phi_max / self.q_ref) ** (n - 1.0)
-        F_S = K_T * phi_max * (beta + (n - 1.0) / n) / (1.0 + beta)
+        # The drop of a joint whose K_T is one.
+        unit = drop_of(jnp.ones_like(drop), phi_max, chi, beta, self.q_ref)
+        K_T = drop / (self._share(chi, kinetic) * unit)
+        F_S = strength_of(phi_max, K_T, chi, beta)
         return jnp.stack([f_0, zeta_0, F_S, K_T, chi, beta, *kinetic])
 
     def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
         """The inverse of :meth:`to_values`."""
         f_0, zeta_0, F_S, K_T, chi, beta, *kinetic = theta
-        n = chi + 2.0
         phi_max = phi_max_of(F_S, K_T, chi, beta)
-        drop = K_T / (n * (1.0 + beta)) * (self.q_ref / phi_max) ** (n - 1.0)
-        drop = drop * self._share(chi, kinetic)
+        drop = drop_of(K_T, phi_max, chi, beta, self.q_ref) * self._share(chi, kinetic)
         return self.chart.to_variables(jnp.stack([f_0, zeta_0, phi_max, drop, chi, beta, *kinetic]))
 
     def _share(self, chi: Array, kinetic: Sequence[Array]) -> Array:

@@ -36,6 +36,12 @@ class _Weighted(AbstractLeastSquares):
     weights: Float[Array, " curves"]
     names: tuple[str, ...] = eqx.field(static=True)
 
+    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
+        return self.projected.to_values(z)
+
+    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
+        return self.projected.to_variables(theta)
+
     def residuals(self, theta: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
         df, dz = self.parts(theta)
         return jnp.concatenate([self.factors[0] * df, self.factors[1] * dz])

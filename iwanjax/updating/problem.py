@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -122,6 +123,10 @@ class AbstractProblem(AbstractLeastSquares):
     @abc.abstractmethod
     def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
         """Frequency (Hz) and damping at the measured amplitudes, (N,) each."""
+
+    def predict_sets(self, theta: Float[Array, "sets parameters"]) -> tuple[Array, Array]:
+        """The same of many parameter sets, (sets, N) each."""
+        return jax.vmap(self.predict)(theta)
 
     @abc.abstractmethod
     def model(self, theta: Float[Array, " parameters"]) -> eqx.Module:

@@ -44,6 +44,14 @@ class ProjectedProblem(AbstractLeastSquares):
         moved = jnp.asarray([not p.fixed for p in ratios])
         return cls(base=base, chart=chart, moved=moved, names=base.names)
 
+    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
+        """Parameters of the base's variables."""
+        return self.base.values_by(self.chart, z)
+
+    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
+        """The inverse of :meth:`to_values`."""
+        return self.base.variables_by(self.chart, theta)
+
     def residuals(self, theta: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
         """All differences at the best ratios, (2 N,)."""
         f, zeta = self.base.predict(theta)

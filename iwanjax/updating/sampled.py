@@ -20,14 +20,11 @@ from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure
 from iwanjax.tables import Block, Grid
 from iwanjax.types import ArrayLike, require_double_precision
+from iwanjax.updating.joint_groups import structural_parameters
 from iwanjax.updating.model_error import WITHOUT_NOISE, with_model_error
 from iwanjax.updating.problem import Reference
 from iwanjax.updating.projected import ProjectedProblem
-from iwanjax.updating.structural import (
-    StructuralProblem,
-    structural_parameters,
-    structural_problem,
-)
+from iwanjax.updating.structural import StructuralProblem, structural_problem
 
 # Sets that are computed at once: beyond this, memory grows and speed does not.
 AT_ONCE = 4096

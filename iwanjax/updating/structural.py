@@ -12,31 +12,27 @@ from jaxtyping import Array, Float, Int
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Chart, Parameter
-from iwanjax.estimation.priors import AbstractPrior, LogNormal, Normal, Uniform
 from iwanjax.joints import AbstractJoint
-from iwanjax.joints.iwan import AbstractIwan
+from iwanjax.joints.iwan import AbstractIwan, phi_max_of, strength_of
 from iwanjax.quasistatic import QsmaSolution, qsma
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike
 from iwanjax.updating.background import (
-    background_parameters,
     modes_of,
     refuse_undamped,
     with_background,
 )
 from iwanjax.updating.interpolate import cubic
-from iwanjax.updating.microslip import IwanPlace
-from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free, unit_of
+from iwanjax.updating.joint_groups import owners
+from iwanjax.updating.microslip import IwanPlace, drop_of
+from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free
 
 # Loads of the first pass for each mode, and how far they reach beyond the amplitudes.
 _LOADS = 40
 _MARGIN = 1.3
 # Ratio of the amplitudes that fill up a short row.
 _BEYOND = 1.02
-# Deviation of the logarithm of a strength about the value that the model was given.
-_PRIOR_SIGMA = 1.0
-_SMALL = 1e-2
 
 
 class StructuralProblem(AbstractProblem):
@@ -59,11 +55,16 @@ class StructuralProblem(AbstractProblem):
         For each group its joints; they share the parameters that are next in theta.
     modes : tuple of int
         The mode of each curve.
+    by_drop : tuple of int
+        First parameter of each Iwan joint or group whose F_S is sought without bounds.
+    deflection : (by_drop,) array
+        About what those deflect in the curves, length.
     """
 
     measured: Measured
     chart: Chart
     structure: JointedStructure
+    deflection: Float[Array, " by_drop"]
     alpha: Float[Array, "curves loads"]
     levels: Float[Array, "curves levels"]
     curve: Int[Array, " N"]
@@ -71,7 +72,39 @@ class StructuralProblem(AbstractProblem):
     names: tuple[str, ...] = eqx.field(static=True)
     owners: tuple[tuple[str, ...], ...] = eqx.field(static=True)
     modes: tuple[int, ...] = eqx.field(static=True)
+    by_drop: tuple[int, ...] = eqx.field(static=True)
     reference: Reference = eqx.field(static=True)
+
+    def to_values(self, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
+        """Parameters of (drop, K_T, chi, beta) of each Iwan joint, each in its own transform.
+
+        In microslip curves know F_S and beta only through chi and the drop of stiffness at some
+        deflection, so that the parameters themselves lie on thin curved ridges.
+        """
+        return self.values_by(self.chart, z)
+
+    def to_variables(self, theta: Float[Array, " parameters"]) -> Float[Array, " free"]:
+        """The inverse of :meth:`to_values`."""
+        return self.variables_by(self.chart, theta)
+
+    def values_by(self, chart: Chart, z: Float[Array, " free"]) -> Float[Array, " parameters"]:
+        """The same with other parameters free."""
+        values = chart.to_values(z)
+        for first, d in zip(self.by_drop, self.deflection, strict=True):
+            drop, K_T, chi, beta = values[first : first + 4]
+            unit = drop_of(K_T, jnp.ones_like(drop), chi, beta, d)
+            phi_max = (unit / drop) ** (1.0 / (chi + 1.0))
+            values = values.at[first].set(strength_of(phi_max, K_T, chi, beta))
+        return values
+
+    def variables_by(self, chart: Chart, theta: Float[Array, " parameters"]) -> Array:
+        """The inverse of :meth:`values_by`."""
+        values = theta
+        for first, d in zip(self.by_drop, self.deflection, strict=True):
+            F_S, K_T, chi, beta = theta[first : first + 4]
+            phi_max = phi_max_of(F_S, K_T, chi, beta)
+            values = values.at[first].set(drop_of(K_T, phi_max, chi, beta, d))
+        return chart.to_variables(values)
 
     def model(self, theta: Float[Array, " parameters"]) -> JointedStructure:
         """The structure with these joints, and these damping ratios in its C."""
@@ -190,84 +223,6 @@ class StructuralProblem(AbstractProblem):
         )
 
 
-def structural_parameters(
-    structure: JointedStructure,
-    groups: Mapping[str, Sequence[str]] | None = None,
-    curves: Sequence[ModalCurves] | None = None,
-    modes: Sequence[int] | None = None,
-) -> dict[str, Parameter]:
-    """Parameters of a fit of a structure, with priors about the values it has.
-
-    Parameters
-    ----------
-    structure : JointedStructure
-        Its joints' values are the starting values and the middles of the priors.
-    groups : mapping of str to sequence of str, optional
-        Joints that share their parameters, under a common name.
-    curves : sequence of ModalCurves, optional
-        What will be fitted: with them the damping ratios of the modes beside the joints are
-        among the parameters, ``"mode1.zeta_0"`` for elastic mode 1 (lowest 0). A mode that the
-        structure's C damps has its ratio as median and starting value; else the prior is
-        uniform from zero to the least damping of the curve.
-    modes : sequence of int, optional
-        The mode of each curve; by default 0, 1, ...
-
-    Returns
-    -------
-    dict of str to Parameter
-        Keyed by joint (or group) and parameter, for instance ``"J1.F_S"``, then by mode.
-
-    Raises
-    ------
-    InputError
-        For groups that name unknown joints, joints twice, or joints of different type; for
-        modes that do not exist or do not match the curves.
-
-    Examples
-    --------
-    >>> import iwanjax as ij
-    >>> parameters = ij.structural_parameters(ij.three_mass())
-    >>> list(parameters), parameters["J1.F_S"].value
-    (['J1.F_S', 'J1.K_T', 'J1.chi', 'J1.beta'], 10.0)
-    """
-    structure.require_joints("fit")
-    found = {}
-    for name, labels in _owners(structure, groups).items():
-        found |= joint_parameters(name, structure.joints[labels[0]])
-    if curves is None:
-        return found
-    return found | background_parameters(structure, curves, modes_of(structure, curves, modes))
-
-
-def joint_parameters(name: str, joint: AbstractJoint) -> dict[str, Parameter]:
-    """The same of one joint, under a name."""
-    found = {}
-    for info in joint.parameters:
-        value = float(getattr(joint, info.name))
-        low, high = info.usual or (info.lower, info.upper)
-        low, high = min(low, value), max(high, value)
-        prior: AbstractPrior
-        if np.isfinite(high - low):
-            prior = Uniform(low, high)
-        elif info.transform == "log":
-            # A beta of zero is a value, but no place to start from.
-            value = value or _SMALL
-            prior = LogNormal(value, _PRIOR_SIGMA)
-        else:
-            prior = Normal(value, abs(value) or 1.0)
-        found[f"{name}.{info.name}"] = Parameter(
-            f"{name}.{info.name}",
-            value,
-            prior,
-            unit=unit_of(info.dimension),
-            meaning=info.meaning,
-            lower=low,
-            upper=high,
-            transform=info.transform,
-        )
-    return found
-
-
 def structural_problem(
     structure: JointedStructure,
     curves: Sequence[ModalCurves],
@@ -304,40 +259,48 @@ def structural_problem(
             for w, x in zip(omega2, levels, strict=True)
         ]
     )
+    deflection = _deflections(structure, groups, parameters, which, measured)
     return StructuralProblem(
         measured=measured,
         chart=Chart(parameters),
         structure=structure,
+        deflection=jnp.asarray(list(deflection.values())),
         alpha=jnp.asarray(alpha),
         levels=jnp.asarray(levels),
         curve=jnp.asarray(np.repeat(np.arange(len(q)), [x.size for x in q])),
         level=jnp.asarray(np.concatenate([inverse for _, inverse in pairs])),
         names=tuple(p.name for p in parameters),
-        owners=tuple(_owners(structure, groups).values()),
+        owners=tuple(owners(structure, groups).values()),
         modes=which,
+        by_drop=tuple(deflection),
         reference=reference,
     )
 
 
-def _owners(
-    structure: JointedStructure, groups: Mapping[str, Sequence[str]] | None
-) -> dict[str, tuple[str, ...]]:
-    """Joints by group, those without one on their own."""
-    grouped = {name: tuple(labels) for name, labels in (groups or {}).items()}
-    seen: list[str] = []
-    for name, labels in grouped.items():
-        for label in labels:
-            if label not in structure.labels:
-                raise InputError(
-                    f"groups: {name} names joint {label!r}; there are {', '.join(structure.labels)}"
-                )
-            if label in seen:
-                raise InputError(f"groups: joint {label!r} belongs to two groups")
-            seen.append(label)
-        kinds = {type(structure.joints[label]).__name__ for label in labels}
-        if len(kinds) != 1:
-            raise InputError(f"groups: {name} holds joints of types {sorted(kinds)}")
-    return grouped | {label: (label,) for label in structure.labels if label not in seen}
+def _deflections(
+    structure: JointedStructure,
+    groups: Mapping[str, Sequence[str]] | None,
+    parameters: Sequence[Parameter],
+    modes: Sequence[int],
+    measured: Measured,
+) -> dict[int, float]:
+    """Of each Iwan joint whose F_S is sought without bounds: its first parameter, and how far.
+
+    By the shapes at the given stiffness, in the curve that moves it most.
+    """
+    positions = {p.name: i for i, p in enumerate(parameters)}
+    q = [np.exp(np.mean(np.log(np.asarray(measured.q[part])))) for part in measured.slices]
+    moved = np.abs(np.asarray(structure.basis.P)[:, list(modes)]) * q
+    found = {}
+    for owner, labels in owners(structure, groups).items():
+        at = [structure.labels.index(label) for label in labels]
+        d = float(moved[at].max())
+        if d <= 0.0 or not isinstance(structure.joints[labels[0]], AbstractIwan):
+            continue
+        p = parameters[positions[f"{owner}.F_S"]]
+        if not p.fixed and p.lower == 0.0 and np.isinf(p.upper):
+            found[positions[p.name]] = d
+    return found
 
 
 def _factors(

@@ -13,7 +13,7 @@ import iwanjax as ij
 from iwanjax.dynamics.steady_state import parameter_set
 from iwanjax.structures.model_file import Model
 from iwanjax.structures.modification import modified_modes
-from iwanjax.updating.structural import structural_parameters
+from iwanjax.updating.joint_groups import structural_parameters
 
 ROW = np.array([0.0, -1.0, 1.0])
 JOINT = ij.Iwan4(F_S=10.0, K_T=1.0, chi=-0.5, beta=5.0)

@@ -1,5 +1,7 @@
 """Fits of a structure's joint to curves of two modes, which NumPy and SciPy alone have made."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -125,6 +127,44 @@ def test_the_joint_comes_back_whatever_the_linear_model_is_wrong_by(found):
     low, high = scipy.stats.chi2.ppf([RARE / 2, 1 - RARE / 2], freedom)
     f, zeta = (np.asarray(x) for x in found.problem.differences(values(found)))
     assert low < np.sum(f**2) + np.sum(zeta**2) < high
+
+
+def searched(guess, curves, **changed):
+    """The problem of these curves, with some parameters replaced."""
+    row = {**structural_parameters(guess, None, curves)}
+    row = [replace(p, **changed.get(name, {})) for name, p in row.items()]
+    return structural_problem(guess, curves, row, None, None, None, "shift")
+
+
+def test_variables_are_those_of_the_parameters(found):
+    problem = found.problem
+    theta = jnp.asarray([p.value for p in found.parameters])
+    np.testing.assert_allclose(problem.to_values(problem.to_variables(theta)), theta, rtol=1e-12)
+
+
+@pytest.mark.parametrize("moved", [2, 3])  # chi, beta
+def test_the_drop_stays_where_chi_or_beta_moves(found, moved):
+    """Of the secant at the deflection where the problem takes it, by the joint's own formula."""
+    problem = found.problem
+    (d,) = np.asarray(problem.deflection)
+    z = problem.to_variables(jnp.asarray([p.value for p in found.parameters]))
+    drops = []
+    for by in (0.0, 0.3, -0.3):
+        F_S, K_T, chi, beta = problem.to_values(z.at[moved].add(by))[:4]
+        joint = ij.Iwan4(F_S=F_S, K_T=K_T, chi=chi, beta=beta)
+        assert d < joint.phi_max
+        drops.append(float(K_T - joint.secant(d)))
+    np.testing.assert_allclose(drops, drops[0], rtol=1e-9)
+    assert drops[0] > 1e-3
+
+
+def test_a_strength_that_is_held_or_bounded_is_a_variable_of_its_own(guess, curves):
+    for changed in ({"fixed": True}, {"upper": 20.0}):
+        problem = searched(guess, curves, **{"J1.F_S": changed})
+        assert problem.by_drop == ()
+        theta = jnp.asarray([p.value for p in structural_parameters(guess, None, curves).values()])
+        np.testing.assert_allclose(problem.to_values(problem.to_variables(theta)), theta)
+    assert searched(guess, curves).by_drop == (0,)
 
 
 def values(found):

@@ -24,7 +24,7 @@ from iwanjax.joints import AbstractJoint
 from iwanjax.settings.stages import settings
 from iwanjax.signals.force_loop import ForceLoop
 from iwanjax.types import require_double_precision
-from iwanjax.updating.structural import joint_parameters
+from iwanjax.updating.joint_groups import joint_parameters
 
 
 def diagnose_loops(

@@ -32,8 +32,9 @@ from iwanjax.updating.background import (
     background_parameters,
     viscous_ratios,
 )
+from iwanjax.updating.joint_groups import structural_parameters
 from iwanjax.updating.problem import Reference
-from iwanjax.updating.structural import structural_parameters, structural_problem
+from iwanjax.updating.structural import structural_problem
 
 _QUANTITY = "modal displacement"
 

@@ -33,7 +33,7 @@ from iwanjax.joints.hysteresis import hysteresis
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.settings.stages import settings
 from iwanjax.signals.force_loop import ForceLoop
-from iwanjax.updating.structural import joint_parameters
+from iwanjax.updating.joint_groups import joint_parameters
 
 
 class LoopHistories(eqx.Module):

@@ -30,13 +30,15 @@ from iwanjax.identification.steady.fit import (
 from iwanjax.identification.steady.shapes import best_shape, best_shape_near, from_within
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import Scales
+from iwanjax.joints.iwan import strength_of
 from iwanjax.quasistatic.modal import Beside, about
 from iwanjax.quasistatic.single_harmonic import Backbones, OfJoint, backbones
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure
 from iwanjax.updating.background import as_damped_in
+from iwanjax.updating.joint_groups import joint_parameters
 from iwanjax.updating.problem import Measured, Reference
-from iwanjax.updating.structural import StructuralProblem, joint_parameters, structural_problem
+from iwanjax.updating.structural import StructuralProblem, structural_problem
 
 # What a joint left out is called within the structure: one name, for one kernel.
 _LABEL = "left out"
@@ -333,9 +335,7 @@ def _joints(structure: JointedStructure) -> dict[str, tuple[np.ndarray, Abstract
 
 def _joint(stiffness: float, phi_max: float) -> np.ndarray:
     """Parameters of a joint that slips altogether at a deflection, in the middle of the others."""
-    joint = Iwan4(F_S=stiffness * phi_max, K_T=stiffness, chi=-0.5, beta=1.0)
-    share = phi_max / float(joint.phi_max)
-    return np.array([float(joint.F_S) * share, stiffness, -0.5, 1.0])
+    return np.array([strength_of(phi_max, stiffness, -0.5, 1.0), stiffness, -0.5, 1.0])
 
 
 def _stiffness(curves: Sequence[ModalCurves], inside: np.ndarray) -> float:

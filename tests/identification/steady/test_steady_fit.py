@@ -12,8 +12,9 @@ from iwanjax.identification.steady.curves import ModeProblem, fit_alone
 from iwanjax.identification.steady.cycle import ActingForce, ActingJoint, unit_on
 from iwanjax.identification.steady.fit import JointValues, PlacedEffect, Size, SteadyFit
 from iwanjax.joints.iwan import IWAN_PARAMETERS
+from iwanjax.updating.joint_groups import structural_parameters
 from iwanjax.updating.modal import modal_parameters, modal_problem
-from iwanjax.updating.structural import structural_parameters, structural_problem
+from iwanjax.updating.structural import structural_problem
 
 THETA = np.array([120.0, 0.002, 5.0, 3.0e4, -0.5, 1.0, 0.6])
 
