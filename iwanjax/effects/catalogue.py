@@ -1,7 +1,7 @@
 """The catalogue: every law and fault that may be missing, by the name that results give it."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import TypeGuard
 
@@ -120,6 +120,17 @@ def kinds_in_time(names: tuple[str, ...] = ()) -> tuple[NamedKind, ...]:
     """
     kinds = kinds_of(names or tuple(catalogue()))
     return tuple(kind.whole if _late(kind) else kind for kind in kinds)
+
+
+def limits_outside(kinds: Sequence[Kind]) -> tuple[ForceKind, ...]:
+    """Kinds that some of these become at an end of their range, and that are not among them."""
+    every = (kind for kinds in catalogue().values() for kind in kinds)
+    limits = [limit for kind in kinds for limit in getattr(kind, "limits", ())]
+    return tuple(
+        kind
+        for kind in every
+        if isinstance(kind, ForceKind) and kind not in kinds and any(x.means(kind) for x in limits)
+    )
 
 
 def _late(kind: NamedKind) -> TypeGuard[ForceKind]:

@@ -17,7 +17,7 @@ _INTERVAL = 0.9
 NEAR, NEAR_LEFT_OUT = 1.3, 2.0
 """Times the noise that a held-out error may be, with the law in the catalogue and without."""
 MOST_OF_A_NAME = 0.5
-"""Largest probability that a name may have whose law was left out."""
+"""Largest probability that a name may have where the law was left out, and is another one."""
 
 
 class TrialOutcome(NamedTuple):
@@ -36,8 +36,8 @@ class TrialOutcome(NamedTuple):
         What comes first; empty where nothing is named.
     first, nothing, something_else : float
         Probabilities of what comes first, that nothing is missing, that no name is right.
-    largest_name : float
-        Probability of the likeliest name.
+    wrong_name : float
+        Probability of the likeliest name that is not that of what was concealed, at its place.
     ratio : float
         Held-out error over the noise's; NaN without.
     seconds : float
@@ -56,7 +56,7 @@ class TrialOutcome(NamedTuple):
     first: float = 0.0
     nothing: float = 0.0
     something_else: float = 0.0
-    largest_name: float = 0.0
+    wrong_name: float = 0.0
     ratio: float = float("nan")
     seconds: float = 0.0
     message: str = ""
@@ -72,14 +72,22 @@ class TrialOutcome(NamedTuple):
         return self.said_where == self.where and bool(self.where)
 
     @property
+    def named(self) -> bool:
+        """Whether kind and place come first.
+
+        So may those of a law that was left out: an end of another one's range tells it.
+        """
+        found = self.verdict == "something_missing"
+        return found and self.place_right and self.said_kind == self.kind
+
+    @property
     def right(self) -> bool:
         """Whether kind and place come first; of a law left out its place, and no other name."""
         if self.sort == EMPTY:
             return self.verdict == "nothing_missing"
         if self.sort == LEFT_OUT:
-            return self.place_right and self.largest_name <= MOST_OF_A_NAME
-        named = self.verdict == "something_missing"
-        return named and self.place_right and self.said_kind == self.kind
+            return self.place_right and self.wrong_name <= MOST_OF_A_NAME
+        return self.named
 
     @property
     def row(self) -> str:
@@ -184,9 +192,9 @@ class TrialResult(AbstractResult):
             ),
             Counted.among("law left out: place first", hidden, lambda o: o.place_right),
             Counted.among(
-                f"law left out: no name above {MOST_OF_A_NAME}",
+                f"law left out: no wrong name above {MOST_OF_A_NAME}",
                 hidden,
-                lambda o: o.largest_name <= MOST_OF_A_NAME,
+                lambda o: o.wrong_name <= MOST_OF_A_NAME,
             ),
             Counted.among(
                 f"law left out: held out within {NEAR_LEFT_OUT:g} floors",
@@ -210,7 +218,9 @@ class TrialResult(AbstractResult):
                 lambda o: (o.first, o.place_right and o.said_kind == o.kind),
             ),
             _forecast(
-                "none of the names", all_of, lambda o: (o.something_else, o.sort == LEFT_OUT)
+                "none of the names",
+                all_of,
+                lambda o: (o.something_else, o.sort == LEFT_OUT and not o.named),
             ),
         )
 
@@ -315,7 +325,12 @@ def judged(name: str, truth: Mapping[str, Any], found: Mapping[str, Any]) -> Tri
     if said is None:
         return about
     what = said["what"]
-    names = [each["probability"] for each in what if each["kind"] != UNNAMED_LAW]
+    names = [
+        each["probability"]
+        for each in what
+        if each["kind"] != UNNAMED_LAW
+        and (each["kind"], each["where"]) != (about.kind, about.where)
+    ]
     after, floor = (said["fit"][key]["hold_out"] for key in ("after", "noise_floor"))
     return about._replace(
         verdict=said["verdict"],
@@ -324,6 +339,6 @@ def judged(name: str, truth: Mapping[str, Any], found: Mapping[str, Any]) -> Tri
         first=what[0]["probability"] if what else 0.0,
         nothing=said["probability_nothing_missing"],
         something_else=said["probability_something_else"],
-        largest_name=max(names, default=0.0),
+        wrong_name=max(names, default=0.0),
         ratio=float("nan") if not floor or after is None else after / floor,
     )

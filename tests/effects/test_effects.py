@@ -10,7 +10,13 @@ import pytest
 from jaxtyping import Array
 
 import iwanjax as ij
-from iwanjax.effects.catalogue import CATALOGUE, catalogue, kinds_in_time, kinds_of
+from iwanjax.effects.catalogue import (
+    CATALOGUE,
+    catalogue,
+    kinds_in_time,
+    kinds_of,
+    limits_outside,
+)
 from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.joints import JOINTS, AbstractStepped, ParameterInfo, PlaceMotion, Scales
 
@@ -152,3 +158,20 @@ def test_a_law_by_the_name_of_another_kind_is_refused(registered: Any):
     registered("stiction", Begun)
     with pytest.raises(ij.InputError, match="'stiction' is a kind of the catalogue"):
         kinds_of()
+
+
+def test_no_kind_of_the_whole_catalogue_has_a_limit_outside():
+    assert limits_outside(kinds_in_time()) == ()
+
+
+@pytest.mark.parametrize(
+    ("tried", "outside"),
+    [
+        ("coulomb_friction", {"stiffness_error"}),
+        ("attached_oscillator", {"mass_error"}),
+        ("viscoelastic", {"stiffness_error", "viscous_damping"}),
+        ("cubic_stiffness", set()),
+    ],
+)
+def test_limits_of_what_is_tried_that_are_not_tried_are_known(tried, outside):
+    assert {kind.name for kind in limits_outside(kinds_in_time((tried,)))} == outside

@@ -249,7 +249,7 @@ def test_outcomes_are_counted_as_they_are():
         "in the catalogue: kind and place right": (1, 1),
         "nothing or in the catalogue: held out within 1.3 floors": (2, 3),
         "law left out: place first": (1, 2),
-        "law left out: no name above 0.5": (2, 2),
+        "law left out: no wrong name above 0.5": (2, 2),
         "law left out: held out within 2 floors": (1, 2),
         "ended with an error": (1, 5),
     }
@@ -278,7 +278,7 @@ def test_a_verdict_of_two_effects_is_judged_by_its_first():
     }
     found = judged("t", truth, {"diagnosis": said, "seconds": 3.0})
     assert found.right
-    assert found.largest_name == 0.9
+    assert found.wrong_name == 0.9
     assert np.isnan(found.ratio)
 
 

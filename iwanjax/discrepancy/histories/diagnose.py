@@ -156,6 +156,7 @@ def diagnose_histories(
         progress,
         in_time,
         tuple(inputs),
+        outside=study.outside,
     )
     table = selection.run(now.problem, scope, seed)
     complete, scope = scope.in_time(), replace(scope, in_time=in_time)
@@ -242,6 +243,13 @@ def diagnose_histories(
     )
     warnings = [*sides.fitted.warnings, *sides.warnings(), *study.warnings]
     looked_at = {place.label for place in scope.places}
+    if verdict.found:
+        warnings += [
+            f"{each.label} is not among the hypotheses: one of those becomes it at an end of its "
+            "range, where it explains the recordings"
+            for each in what[:1]
+            if any(each.kind == kind for kind in study.outside)
+        ]
     warnings += [
         f"Row {name} is zero on every mode, so nothing could be looked for there"
         for name in places

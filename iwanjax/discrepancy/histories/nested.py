@@ -93,7 +93,7 @@ def _simpler(
         z, others = start.common[: own.parameters], start.common[entry.problem.parameters :]
         there = start._replace(theta=np.concatenate([z, others]))
         parts = [hypotheses.alone(own, there, i) for i in range(len(hypothesis.kinds))]
-        for limit in scope.kinds:
+        for limit in (*scope.kinds, *scope.outside):
             for nested in [each for each in getattr(kind, "limits", ()) if each.means(limit)]:
                 for one in _starts(own, entry, slot, nested, limit, scope, z):
                     yield own, hypotheses.joined(own, [*parts[:slot], one, *parts[slot + 1 :]])

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from iwanjax.discrepancy.histories.time_steps import StepRefinement
-from iwanjax.effects.catalogue import kinds_in_time, sensor_faults_of
+from iwanjax.effects.catalogue import kinds_in_time, limits_outside, sensor_faults_of
 from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.errors import InputError
 from iwanjax.identification.conditioning import require_usable
@@ -66,6 +66,11 @@ class PreparedStudy:
     warnings: tuple[str, ...]
 
     @cached_property
+    def outside(self) -> tuple[ForceKind, ...]:
+        """Kinds that are not to be tried, but that some which are become."""
+        return limits_outside(self.kinds)
+
+    @cached_property
     def resolution(self) -> StepRefinement:
         """The recordings with any number of steps between samples."""
         structure = self.structure
@@ -78,7 +83,7 @@ class PreparedStudy:
             jax.device_put(rows_out),
             self.sampling_rate,
             self.quantity,
-            tuple(kind for kind in self.kinds if isinstance(kind, ForceKind)),
+            (*(kind for kind in self.kinds if isinstance(kind, ForceKind)), *self.outside),
             trust=self.trust,
             faults=sensor_faults_of(self.kinds),
             base=list(self.inputs).index(BASE) if BASE in self.inputs else None,

@@ -44,6 +44,8 @@ class Scope:
         Labels of the measured forces.
     excluded : frozenset of str
         Places where all laws of the catalogue at once do not help.
+    outside : tuple of Kind
+        Kinds that are tried only where one of ``kinds`` has become one of them.
     """
 
     kinds: tuple[Kind, ...]
@@ -55,6 +57,7 @@ class Scope:
     in_time_to_finish: Callable[[], bool] = lambda: True
     inputs: tuple[str, ...] = ()
     excluded: frozenset[str] = frozenset()
+    outside: tuple[Kind, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +197,10 @@ def finalists(base: RankedFit, entries: Sequence[RankedFit]) -> list[RankedFit]:
     hopeful = [
         e for e, value in zip(same, values, strict=True) if value > values.max() - known.hope
     ]
-    chosen = dict.fromkeys([*entries[: known.finalists], *order[: known.best_fits]])
-    return [e for e in chosen if e is entries[0] or e in hopeful]
+    within = known.nested_give_up * cost_of(entries[0])
+    limits = [e for e in same if _parts(e) in _simpler(entries[0]) and cost_of(e) < within]
+    chosen = dict.fromkeys([*entries[: known.finalists], *order[: known.best_fits], *limits])
+    return [e for e in chosen if e is entries[0] or e in hopeful or e in limits]
 
 
 def ranked(base: RankedFit, entries: Sequence[RankedFit]) -> tuple[RankedFit, list[RankedFit]]:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from struck_mass import JOINT, searching, struck
+from two_masses import diagnosed
 
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
@@ -280,3 +281,13 @@ def test_a_pair_starts_from_the_better_of_the_two(searched):
     assert not worse(nothing, found)
     # What was no worse stays what it was.
     assert any(each.fitted is spring.fitted for each in found)
+
+
+def test_a_spring_that_is_not_tried_is_named_where_friction_becomes_it():
+    """Friction that never slips, or whose spring in K always does, would be no friction."""
+    found = diagnosed(lambda: lambda d, v, moved: -9e3 * d, ("coulomb_friction",))
+    assert found.what[0].label == "stiffness_error@m1-m2"
+    (size,) = found.what[0].parameters
+    assert size.value == pytest.approx(-9e3, rel=0.02)
+    assert any("is not among the hypotheses" in line for line in found.warnings)
+    assert found.after.hold_out < 1.3 * found.noise_floor.hold_out

@@ -217,6 +217,13 @@ def test_what_fits_best_goes_on_though_others_are_ahead():
     assert granted in finalists(entry(3.0), [entries[0], granted])
 
 
+def test_a_limit_of_the_best_is_polished_with_it():
+    """A short memory may hold the model's own errors against it, however long the recordings."""
+    best, limit = entry(1.0, "viscoelastic@a"), entry(1.2, "viscous_damping@a")
+    elsewhere, far = entry(1.2, "viscous_damping@b"), entry(3.0, "stiffness_error@a")
+    assert finalists(entry(30.0), [best, elsewhere, far, limit]) == [best, limit]
+
+
 def test_of_fits_of_a_hypothesis_the_best_with_the_longest_memory_stays():
     gap, mass = "gap_contact@a", "mass_error@b"
     poor, good, other = entry(1.3, gap, mass), entry(1.1, mass, gap), entry(1.2, gap)
