@@ -65,8 +65,11 @@ class AttachedOscillator(AbstractMotionOnly):
 
     @classmethod
     def begun(cls, seen: Scales, **held: Any) -> tuple[Self, ...]:
-        """Oscillators to begin a search with: over the band of the modes, light and heavy."""
-        octaves = math.log2(seen.highest / (0.5 * seen.lowest))
+        """Oscillators to begin a search with: over the band of the modes, light and heavy.
+
+        Two octaves beyond it they are masses held stiffly, and nothing else.
+        """
+        octaves = math.log2(seen.highest / (0.5 * seen.lowest)) + 2.0
         return tuple(
             cls(m, m * w**2, 2.0 * _DAMPED * m * w)
             for w in (0.5 * seen.lowest * 2.0 ** np.arange(0.0, octaves, _OCTAVES)).tolist()
