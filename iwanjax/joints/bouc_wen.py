@@ -67,6 +67,7 @@ class BoucWen(AbstractStepped):
     )
     rate_dependent: ClassVar[bool] = False
     tried: ClassVar[bool] = False
+    taken_for: ClassVar[tuple[str, ...]] = ("coulomb_friction", "iwan_joint")
     variants: ClassVar[tuple[Variant, ...]] = (Variant(), WITHIN_K)
 
     F_S: Array = eqx.field(converter=named("F_S"))

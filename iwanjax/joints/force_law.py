@@ -138,6 +138,10 @@ class AbstractForceLaw(AbstractJoint):
         structures, in CPU time, a softening spring 2 %, a slider with a dead band 14 and 20 %,
         Bouc-Wen 71 and 77 %, all three 87 and 95 %. Others come in where those leave more than
         noise, with all of their parameters; where steady cycles are, when asked for by name.
+    taken_for : tuple of str
+        Names that explain recordings of the law nearly as well: where one of them is found a law
+        that is not tried from the beginning comes in at its place, for data that were never asked
+        cannot say which.
     """
 
     effect: ClassVar[EffectName | None] = None
@@ -145,6 +149,7 @@ class AbstractForceLaw(AbstractJoint):
     variants: ClassVar[tuple[Variant, ...]] = (Variant(),)
     inertial: ClassVar[bool] = False
     tried: ClassVar[bool] = True
+    taken_for: ClassVar[tuple[str, ...]] = ()
 
     @abc.abstractmethod
     def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:

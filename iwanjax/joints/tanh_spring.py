@@ -39,6 +39,7 @@ class TanhSpring(AbstractSpring):
         "tanh_spring", "softening spring", noun="a softening spring"
     )
     tried: ClassVar[bool] = False
+    taken_for: ClassVar[tuple[str, ...]] = ("cubic_stiffness", "gap_contact")
     variants: ClassVar[tuple[Variant, ...]] = (Variant(), WITHIN_K)
 
     k: Array = eqx.field(converter=named("k"))

@@ -41,7 +41,7 @@ from iwanjax.identification.multistart import (
     multistart,
 )
 from iwanjax.identification.places import Place
-from iwanjax.identification.problem import HistoryProblem, Start, Variant
+from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start, Variant
 
 
 def probed(
@@ -151,6 +151,8 @@ def further_laws(
 ) -> list[RankedFit]:
     """Laws with all of their parameters beside the others, where nothing else explains much.
 
+    Where something does, those laws alone that may be taken for it, at its place.
+
     Parameters
     ----------
     problem, nominal, shorts, entries, scope
@@ -161,7 +163,9 @@ def further_laws(
     best, known = least(nominal, entries), problem.settings
     enough = known.selection.misfit * left_by_right_model(problem)
     kinds = [kind for kind in scope.kinds if isinstance(kind, JointKind) and kind.law]
-    if not kinds or best.cost < enough:
+    if best.cost < enough:
+        kinds = [kind for kind in kinds if _taken_for(kind, best.hypothesis)]
+    if not kinds:
         return entries
     # Joints that are bent to explain something else are a bad place to begin from.
     z = nominal.theta.mean(axis=0)[: problem.parameters]
@@ -190,6 +194,12 @@ def further_laws(
         if min(map(cost_of, found), default=math.inf) < enough:
             break
     return compared(shorts, entries, found, scope)
+
+
+def _taken_for(kind: JointKind, hypothesis: Hypothesis) -> bool:
+    """Whether a law may look like what a hypothesis has at one place."""
+    names = getattr(kind.law, "taken_for", ())
+    return len(set(hypothesis.where)) == 1 and any(each.name in names for each in hypothesis.kinds)
 
 
 def _of_the_best(

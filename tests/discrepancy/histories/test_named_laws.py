@@ -94,3 +94,18 @@ def test_two_laws_at_one_place_are_found_that_alone_look_like_neither():
     assert [p.value for p in first.parameters] == pytest.approx([4e4, 2e-5], rel=0.05)
     assert [p.value for p in second.parameters] == pytest.approx([4e4, 1.2e-4], rel=0.05)
     assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
+
+
+@pytest.mark.long
+def test_a_law_that_another_explains_almost_to_the_noise_is_found_all_the_same():
+    """Names that were never tried have no probability: so weak a force dry friction explains."""
+
+    def law():
+        return bouc_wen(300.0)
+
+    without = diagnosed(law, RIVALS)
+    assert without.what[0].label == "coulomb_friction@m1-m2"
+    assert without.after.fit < 1.2 * without.noise_floor.fit
+    found = diagnosed(law, (*RIVALS, "bouc_wen"))
+    assert found.what[0].label == "bouc_wen@m1-m2"
+    assert found.what[0].probability > 0.9
