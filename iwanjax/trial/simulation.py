@@ -18,9 +18,9 @@ from iwanjax.trial.structure import Array, Iwan, TrialStructure
 
 FORCE_NOISE = 0.001
 """Standard deviation of a force's noise over the largest force of its recording."""
-# What doubling the steps within a sampling interval may change, as share of the noise, and the
-# numbers of steps tried.
-_STEP_ERROR, _STEPS = 0.2, (16, 32, 64, 128, 256)
+# What finer steps within a sampling interval may change, as share of the noise, and the numbers of
+# steps tried.
+_STEP_ERROR, _STEPS = 0.2, (8, 16, 32, 64, 128, 256)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,17 +152,20 @@ def simulated(
     """
     if steps is not None:
         return _with_steps(base, joints, effect, takes, steps)[0]
-    before = _with_steps(base, joints, effect, takes, _STEPS[0] // 2)[0]
+    before, last = _with_steps(base, joints, effect, takes, _STEPS[0] // 2)[0], 0.0
     for each in _STEPS:
         found = _with_steps(base, joints, effect, takes, each)[0]
         if not all(np.isfinite(response).all() for response in found.response):
             return found
-        if all(
-            np.all(np.sqrt(np.mean(np.square(x - y), axis=0)) < _STEP_ERROR * base.noise)
+        change = max(
+            float(np.max(np.sqrt(np.mean(np.square(x - y), axis=0)) / base.noise))
             for x, y in zip(found.response, before.response, strict=True)
-        ):
+        )
+        # By a half or less from one doubling to the next, all others together add up to this.
+        left = change**2 / (last - change) if 2.0 * change < last else change
+        if left < _STEP_ERROR:
             return found
-        before = found
+        before, last = found, change
     raise InputError(
         f"trial: with {_STEPS[-1]} steps within a sampling interval of 1 / {base.structure.rate:g} "
         "s the simulation still depends on their number; expected a reduced model, whose highest "

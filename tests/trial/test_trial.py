@@ -67,6 +67,15 @@ def test_two_integrators_that_share_nothing_agree_far_below_the_noise(base):
     assert np.all(apart < 0.3 * base.noise)
 
 
+def test_steps_are_as_many_as_leave_a_fifth_of_the_noise(short):
+    """Of a force that grips and lets go, by one that is beyond all that are tried."""
+    effect = Effect("coulomb_friction", "m2-ground", (2e4, 1e-5))
+    found = simulated(short, short.structure.joints, effect, short.takes).response
+    fine = simulated(short, short.structure.joints, effect, short.takes, 128).response
+    for x, y in zip(found, fine, strict=True):
+        assert np.all(np.sqrt(np.mean((x - y) ** 2, axis=0)) < 0.2 * short.noise)
+
+
 def test_a_plan_has_the_sorts_it_is_asked_for_and_shuffles_them():
     sorts = TrialPlan(count=120, seed=3).sorts
     assert [sorts.count(sort) for sort in ("empty", "named", "left_out")] == [40, 53, 27]
