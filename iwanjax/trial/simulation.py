@@ -20,7 +20,7 @@ FORCE_NOISE = 0.001
 """Standard deviation of a force's noise over the largest force of its recording."""
 # What finer steps within a sampling interval may change, as share of the noise, and the numbers of
 # steps tried.
-_STEP_ERROR, _STEPS = 0.2, (8, 16, 32, 64, 128, 256)
+_STEP_ERROR, _STEPS = 0.2, (8, 16, 32, 64, 128)
 
 
 @dataclass(frozen=True, eq=False)

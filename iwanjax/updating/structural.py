@@ -31,8 +31,6 @@ from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check
 # Loads of the first pass for each mode, and how far they reach beyond the amplitudes.
 _LOADS = 40
 _MARGIN = 1.3
-# Ratio of the amplitudes that fill up a short row.
-_BEYOND = 1.02
 
 
 class StructuralProblem(AbstractProblem):
@@ -48,7 +46,7 @@ class StructuralProblem(AbstractProblem):
     alpha : (curves, loads) array
         Load levels that reach over each curve's amplitudes.
     levels : (curves, levels) array
-        Each curve's amplitudes, rising; a shorter row goes on beyond them.
+        Each curve's amplitudes, rising; a shorter row repeats its last.
     curve, level : (N,) array of int
         Where in ``levels`` each measured level stands.
     owners : tuple of tuple of str
@@ -250,9 +248,7 @@ def structural_problem(
     q = [np.asarray(measured.q[part]) for part in measured.slices]
     pairs = [np.unique(x, return_inverse=True) for x in q]
     most = max(rising.size for rising, _ in pairs)
-    levels = np.stack(
-        [np.concatenate([x, x[-1] * _BEYOND ** np.arange(1, most - x.size + 1)]) for x, _ in pairs]
-    )
+    levels = np.stack([np.pad(x, (0, most - x.size), "edge") for x, _ in pairs])
     alpha = np.stack(
         [
             np.geomspace(w * x[0] / _MARGIN, w * x[-1] * _MARGIN, _LOADS)

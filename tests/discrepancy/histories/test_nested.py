@@ -146,8 +146,8 @@ CONTAINED = [
     (("force_gain",), ()),
     (("force_delay",), ()),
     pytest.param(("iwan_joint",), (), marks=pytest.mark.long),
-    (("stiction",), ()),
-    (("stiffness_error", "sensor_gain"), ("sensor_gain",)),
+    pytest.param(("stiction",), (), marks=pytest.mark.long),
+    pytest.param(("stiffness_error", "sensor_gain"), ("sensor_gain",), marks=pytest.mark.long),
     (("viscoelastic", "cubic_stiffness"), ("viscous_damping",)),
     pytest.param(
         ("viscoelastic", "cubic_stiffness"),
