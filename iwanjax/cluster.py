@@ -80,6 +80,6 @@ def _client(stack: ExitStack, scheduler: str, workers: int | None) -> "Client":
     cluster = LocalCluster(
         n_workers=workers or available_threads(),
         threads_per_worker=1,
-        dashboard_address="",
+        dashboard_address=":0",  # any free port: two runs may go side by side
     )
     return stack.enter_context(Client(stack.enter_context(cluster)))

@@ -39,7 +39,9 @@ def test_a_killed_worker_of_three_loses_nothing_and_changes_no_number():
 def test_a_scheduler_that_runs_is_used_and_one_that_does_not_answer_is_refused():
     from distributed import LocalCluster
 
-    with closing(LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="")) as cluster:
+    with closing(
+        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0")
+    ) as cluster:
         found = dict(pieces(square, [3, 4], scheduler=cluster.scheduler_address))
         assert {i: value for i, (value, _) in found.items()} == {0: 9, 1: 16}
     with pytest.raises(InputError, match=r"--scheduler nowhere: .*expected local, or the address"):

@@ -8,6 +8,8 @@ from numpy.testing import assert_allclose
 
 import iwanjax as ij
 
+pytestmark = pytest.mark.long
+
 CUBIC = 4e9
 SENSORS = {"a1": [1.0, 0.0], "a2": [0.0, 1.0]}
 HITS = [(0, 40.0, "fit"), (1, 160.0, "fit"), (0, 120.0, "fit"), (0, 90.0, "hold_out")]

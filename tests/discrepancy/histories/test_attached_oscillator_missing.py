@@ -8,6 +8,8 @@ from two_masses import Law, diagnosed
 
 from iwanjax.joints import AttachedOscillator
 
+pytestmark = pytest.mark.long
+
 # Between the two modes of the masses.
 MASS, OMEGA, RATIO = 0.08, 330.0, 0.03
 STIFFNESS, DAMPER = MASS * OMEGA**2, 2.0 * RATIO * MASS * OMEGA

@@ -157,6 +157,7 @@ def test_a_short_recording_beside_a_long_one_hides_no_force():
     assert found.what[0].parameters[0].value == pytest.approx(CUBIC, rel=0.02)
 
 
+@pytest.mark.long
 def test_a_force_is_recovered_where_one_acts_throughout():
     found = diagnosed(with_spring(), transients(EQUAL), hypotheses=("cubic_stiffness",))
     assert found.failures == ()

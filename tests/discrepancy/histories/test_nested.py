@@ -148,7 +148,7 @@ CONTAINED = [
     pytest.param(("iwan_joint",), (), marks=pytest.mark.long),
     pytest.param(("stiction",), (), marks=pytest.mark.long),
     pytest.param(("stiffness_error", "sensor_gain"), ("sensor_gain",), marks=pytest.mark.long),
-    (("viscoelastic", "cubic_stiffness"), ("viscous_damping",)),
+    pytest.param(("viscoelastic", "cubic_stiffness"), ("viscous_damping",), marks=pytest.mark.long),
     pytest.param(
         ("viscoelastic", "cubic_stiffness"),
         ("cubic_stiffness", "stiffness_error"),

@@ -43,6 +43,7 @@ def test_the_place_comes_first_and_no_name_is_believed(found):
     assert found.before.hold_out > 100.0 * found.noise_floor.hold_out
 
 
+@pytest.mark.long
 def test_a_general_law_that_fails_costs_no_verdict(monkeypatch):
     def failing(*arguments):
         raise ValueError("singular")
