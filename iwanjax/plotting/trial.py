@@ -77,7 +77,7 @@ def _confusion(ax: Axes, found: "TrialResult") -> None:
     ax.set_ylabel("Concealed")
     ax.tick_params(length=0)
     ax.set_title(
-        "Blue: right (of a law left out, its place and no name); orange: not", weight="normal"
+        "Blue: right (of a law left out, its place and no wrong name); orange: not", weight="normal"
     )
 
 
