@@ -26,6 +26,7 @@ from iwanjax.types import ArrayLike, real
 # Gauss-Legendre nodes of s in (0, 1), for integrals over w s^2: smooth for any n from 1 on.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 _SHARE, _WEIGHT = (0.5 * (_NODES + 1.0)) ** 2, 0.5 * (_NODES + 1.0) * _WEIGHTS
+_LOG_SHARE = np.log(_SHARE)
 # Newton's steps from below on a concave curve: more change nothing.
 _STEPS = 8
 # Of y, from which on a curve's slope is the last one to 1e-13.
@@ -180,27 +181,53 @@ def _complement(y: Array, n: Array) -> Array:
     return jnp.where(large, near, 1.0 - (-jnp.expm1(-jnp.where(large, 0.5, y))) ** n)
 
 
+@jax.custom_jvp
 def _deflection(y: Array, n: Array) -> Array:
     r"""Of the virgin curve over slip, :math:`\int_0^w dt/(1 - t^n)`, its pole apart."""
+    return _by_nodes(y, n, _powers(y, n))
+
+
+@_deflection.defjvp
+def _(at: tuple[Array, Array], along: tuple[Array, Array]) -> tuple[Array, Array]:
+    y, n = at
+    slopes = _slope(y, n, 0.0), _deflection_by_n(y, n)
+    return _deflection(y, n), slopes[0] * along[0] + slopes[1] * along[1]
+
+
+def _at_nodes(of_nodes: np.ndarray, y: Array, n: Array) -> Array:
+    """One number for each node, before the axes of y and n."""
+    return jnp.asarray(of_nodes).reshape(-1, *(1,) * max(y.ndim, n.ndim))
+
+
+def _powers(y: Array, n: Array) -> Array:
+    """Shares of the nodes to the power n: those of w need but one power more."""
+    return jnp.exp(_at_nodes(_LOG_SHARE, y, n) * n)
+
+
+def _by_nodes(y: Array, n: Array, powers: Array) -> Array:
+    """The deflection over slip, by the powers of the nodes' shares."""
     w = -jnp.expm1(-y)
-    t, n_t = _nodes(w, n)
-    smooth = 1.0 / (1.0 - t**n_t) - 1.0 / (n_t * (1.0 - t))
+    smooth = 1.0 / (1.0 - powers * w**n) - 1.0 / (n * (1.0 - _at_nodes(_SHARE, y, n) * w))
     return y / n + w * _sum(smooth)
+
+
+def _deflection_by_n(y: Array, n: Array) -> Array:
+    """Its derivative by the exponent."""
+    w = -jnp.expm1(-y)
+    w_n = _powers(y, n) * w**n
+    log = _at_nodes(_LOG_SHARE, y, n) + jnp.log(jnp.where(w > 0.0, w, 1.0))
+    pole = 1.0 / (n**2 * (1.0 - _at_nodes(_SHARE, y, n) * w))
+    return -y / n**2 + w * _sum(w_n * log / (1.0 - w_n) ** 2 + pole)
 
 
 def _lost(y: Array, n: Array) -> Array:
     r"""Energy lost over half a cycle, :math:`\int_0^w t^{n+1}/(1 - t^n)\,dt`."""
     w = -jnp.expm1(-y)
-    t, n_t = _nodes(w, n)
-    whole = t ** (n_t + 1.0) / (1.0 - t**n_t)
-    smooth = whole - 1.0 / (n_t * (1.0 - t))
+    t = _at_nodes(_SHARE, y, n) * w
+    t_n = t**n
+    whole = t * t_n / (1.0 - t_n)
+    smooth = whole - 1.0 / (n * (1.0 - t))
     return jnp.where(y > 1.0, y / n + w * _sum(smooth), w * _sum(whole))
-
-
-def _nodes(w: Array, n: Array) -> tuple[Array, Array]:
-    w, n = jnp.broadcast_arrays(w, n)
-    share = jnp.asarray(_SHARE).reshape(-1, *(1,) * w.ndim)
-    return share * w, n
 
 
 def _sum(values: Array) -> Array:
@@ -210,12 +237,22 @@ def _sum(values: Array) -> Array:
 @partial(jax.custom_jvp, nondiff_argnums=(3,))
 def _root(target: Array, begin: Array, n: Array, share: float) -> Array:
     """Where the virgin curve's deflection, and a share of its force, is the target; from below."""
+    powers = _powers(begin, n)
+    # A step squares what the last has left: after one as small as this nothing is.
+    small = jnp.sqrt(jnp.finfo(begin.dtype).eps)
     target, begin, n = jnp.broadcast_arrays(target, begin, n)
 
-    def step(_: int, y: Array) -> Array:
-        return y + (target - _passed(y, n, share)) / _slope(y, n, share)
+    def unsettled(at: tuple[int, Array, Array]) -> Array:
+        step, y, moved = at
+        return (step < _STEPS) & jnp.any(moved > small * y)
 
-    return jax.lax.fori_loop(0, _STEPS, step, begin)
+    def step(at: tuple[int, Array, Array]) -> tuple[int, Array, Array]:
+        step, y, _ = at
+        passed = _by_nodes(y, n, powers) - share * jnp.expm1(-y)
+        moved = (target - passed) / _slope(y, n, share)
+        return step + 1, y + moved, moved
+
+    return jax.lax.while_loop(unsettled, step, (0, begin, jnp.full_like(begin, jnp.inf)))[1]
 
 
 @_root.defjvp
@@ -223,16 +260,11 @@ def _(share: float, at: tuple[Array, ...], along: tuple[Array, ...]) -> tuple[Ar
     """Implicit: of the equation that is solved, wherever the steps began."""
     target, begin, n = at
     y = _root(target, begin, n, share)
-    by_n = jax.jvp(lambda n: _passed(y, n, share), (n,), (along[2],))[1]
-    return y, (along[0] - by_n) / _slope(y, n, share)
-
-
-def _passed(y: Array, n: Array, share: float) -> Array:
-    """Deflection over slip, less a share of the force over F_S."""
-    return _deflection(y, n) - share * jnp.expm1(-y)
+    return y, (along[0] - _deflection_by_n(y, n) * along[2]) / _slope(y, n, share)
 
 
 def _slope(y: Array, n: Array, share: float) -> Array:
+    """Change with y of the deflection over slip, and of a share of the force over F_S."""
     # Where next to nothing is left to yield it is 1/n, as a quotient of nothings.
     left = jnp.minimum(y, _LAST)
     return jnp.exp(-left) / _complement(left, n) + share * jnp.exp(-y)
