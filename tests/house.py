@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
     "class names used twice": 0,
-    "tuned numbers": 977,
+    "tuned numbers": 978,
     "tuned numbers without a comment": 141,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
@@ -40,7 +40,7 @@ MODULES = {
     "files": 6,
     "modal_analysis": 5,
     "plotting": 21,
-    "quasistatic": 9,
+    "quasistatic": 10,
     "report": 3,
     "structures": 41,
     "studies": 13,

@@ -238,11 +238,16 @@ def _lost(
     # What a mode adds to the description, by the Bayesian information criterion.
     price = (2 + sensors + inputs) * math.log(2 * model.H.size)
     low, high = responses.frequency[[0, -1]]
+    # Share of its amplitude that a mode loses over a block. A line of noise fits without any loss,
+    # and one over its denominator is then no number.
+    loses = np.asarray(modes.zeta * modes.omega) / np.diff(responses.frequency[:2])
     said: list[str | None] = []
     for k, f in enumerate(frequency):
         name = f"a mode at {f:.4g} Hz"
         if not low / _BEYOND < f < high * _BEYOND:
             said.append(f"{name} is left to the residual terms: far beyond the band")
+        elif loses[k] < np.finfo(np.float32).eps:
+            said.append(f"{name} does not decay, as a line of noise: left out")
         elif sites and not model.decays and seen[k] < _SEEN * unsure[k]:
             said.append(
                 f"{name} moves no driving point (shape there {seen[k]:.2g} +- {unsure[k]:.2g}), so "

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.joints import AbstractJoint
+from iwanjax.quasistatic.alike import of_each
 from iwanjax.structures.small import dot, product, solve_spd
 
 # A Newton step of this relative size leaves an error of about its square.
@@ -83,7 +84,7 @@ def residual(
     e : r arrays
         Independent deflections.
     """
-    pairs = [joint.law()(d) for joint, d in zip(joints, joint_deflections(system, e), strict=True)]
+    pairs = of_each(lambda joint, d: joint.law()(d), joints, joint_deflections(system, e))
     forces, tangents = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
     J = [list(row) for row in system.C]
     r = [alpha * c - elastic for c, elastic in zip(system.c, product(system.C, e), strict=True)]

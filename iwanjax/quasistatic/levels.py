@@ -13,6 +13,7 @@ from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Float, Int
 
 from iwanjax.joints import AbstractJoint, PowerLawDamping
+from iwanjax.quasistatic.alike import of_each
 from iwanjax.quasistatic.condensation import Reduction, reduce_to_joints
 from iwanjax.quasistatic.equilibrium import equilibrium, joint_deflections
 from iwanjax.results import Result
@@ -164,20 +165,24 @@ def _solve_chunk(joints: tuple[AbstractJoint, ...], task: Task) -> Levels:
     d_kept = joint_deflections(reduction.system, e)
     pull = jnp.zeros(())
     softening = jnp.zeros(())
-    for i, joint, x in zip(reduction.nonlinear, kept, d_kept, strict=True):
-        pull = pull + mode.y[i] * (joint.initial_stiffness * x - joint.law()(x)[0])
-        if task.frequency == "first_harmonic":
-            lost = joint.initial_stiffness - joint.harmonic_stiffness(x)
-            softening = softening + mode.y[i] * lost * x
+
+    def slack(joint: AbstractJoint, x: Array) -> tuple[Array, ...]:
+        """Force that a joint lacks to its stuck one, at the tip and in the first harmonic."""
+        missing = joint.initial_stiffness * x - joint.law()(x)[0]
+        if task.frequency == "secant":
+            return (missing,)
+        return missing, (joint.initial_stiffness - joint.harmonic_stiffness(x)) * x
+
+    for i, each in zip(reduction.nonlinear, of_each(slack, kept, d_kept), strict=True):
+        pull = pull + mode.y[i] * each[0]
+        softening = softening + mode.y[i] * each[-1]
     q = (load + pull) / mode.lam
     secant = load / q
     lam = secant if task.frequency == "secant" else mode.lam - softening / q
     d = reduction.all_deflections(d_kept, load)
     omega = jnp.sqrt(secant)
-    dissipation = sum(
-        (joint.dissipation(x, omega=omega) for joint, x in zip(joints, d, strict=True)),
-        jnp.zeros(()),
-    )
+    lost = of_each(lambda joint, x: (joint.dissipation(x, omega=omega),), joints, d)
+    dissipation = sum((energy for (energy,) in lost), jnp.zeros(()))
     background = task.background
     zeta0 = background(q) if callable(background) else background[:, None]
     damping = dissipation / (2.0 * jnp.pi * load * q) + zeta0
