@@ -248,6 +248,8 @@ def _lost(
             said.append(f"{name} is left to the residual terms: far beyond the band")
         elif loses[k] < np.finfo(np.float32).eps:
             said.append(f"{name} does not decay, as a line of noise: left out")
+        elif modes.zeta[k] >= 1.0:
+            said.append(f"{name} does not oscillate, so heavily is it damped: left out")
         elif sites and not model.decays and seen[k] < _SEEN * unsure[k]:
             said.append(
                 f"{name} moves no driving point (shape there {seen[k]:.2g} +- {unsure[k]:.2g}), so "

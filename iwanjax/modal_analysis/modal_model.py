@@ -1,5 +1,7 @@
 """Real modes and residual terms, fitted to frequency response functions."""
 
+import math
+import sys
 from typing import NamedTuple
 
 import equinox as eqx
@@ -92,9 +94,11 @@ class ModalModel(AbstractLeastSquares):
         if not self.decays:
             free = iter(own)
             own = jnp.stack([next(free) if each is None else shapes[each] for each in self.sites])
-        return ModalTerms(
-            jnp.exp(omega), jnp.exp(zeta), shapes, own, remote.reshape(-1, sensors, inputs)
-        )
+        # A mode that a search sends off to any damping is told by its end, which stays a number, as
+        # do squares of what it is in.
+        most = 0.25 * math.log(sys.float_info.max)
+        ratio = jnp.exp(jnp.clip(zeta, -most, most))
+        return ModalTerms(jnp.exp(omega), ratio, shapes, own, remote.reshape(-1, sensors, inputs))
 
     def parameters(self, modes: ModalTerms) -> Float[Array, " parameters"]:
         """The row of parameters that says it."""
