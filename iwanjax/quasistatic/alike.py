@@ -9,9 +9,9 @@ from jaxtyping import Array
 
 from iwanjax.joints import AbstractJoint
 
-# Deflections of a joint up to which copying them costs less than compiling each law apart. A large
-# batch has 4800 at once and 768 at its coarse levels, a fit 120: half and twice change neither.
-_FEW = 2048
+FEW = 2048
+"""Deflections of a joint up to which copying them costs less than compiling each law apart. A large
+batch has 4800 at once and 768 at its coarse levels, a fit 120: half and twice change neither."""
 
 
 def of_each(
@@ -40,7 +40,7 @@ def of_each(
         kinds.setdefault(alike, []).append(i)
     found: dict[int, tuple[Array, ...]] = {}
     for own in kinds.values():
-        if len(own) == 1 or at[own[0]].size > _FEW:
+        if len(own) == 1 or at[own[0]].size > FEW:
             found |= {i: function(joints[i], at[i]) for i in own}
             continue
         d = jnp.stack(jnp.broadcast_arrays(*(at[i] for i in own)))

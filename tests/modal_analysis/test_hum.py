@@ -18,6 +18,7 @@ def velocity():
         omega, share = 2.0 * np.pi * frequency, np.sqrt(1.0 - zeta**2)
         cosine, sine = np.cos(share * omega * T), np.sin(share * omega * T)
         response += np.exp(-zeta * omega * T) * (cosine - zeta / share * sine)
+    response[0] *= 0.5  # of a jump, the integral has half
     return force, np.convolve(force, response)[:N] / RATE
 
 

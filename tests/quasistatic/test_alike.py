@@ -30,9 +30,9 @@ FUNCTIONS = {
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-@pytest.mark.parametrize("few", [alike._FEW, 0])
+@pytest.mark.parametrize("few", [alike.FEW, 0])
 def test_each_joint_gets_what_it_gives_alone(monkeypatch, name, few):
-    monkeypatch.setattr(alike, "_FEW", few)
+    monkeypatch.setattr(alike, "FEW", few)
     function = FUNCTIONS[name]
     d = [(1.0 + i) * jnp.geomspace(1e-4, 1e-2, 7)[:, None] * jnp.ones(3) for i in range(6)]
     together = alike.of_each(function, JOINTS, d)

@@ -9,7 +9,9 @@ import sys
 import time
 from dataclasses import replace
 from functools import cache
+from typing import ClassVar
 
+import emcee
 import h5py
 import jax.numpy as jnp
 import numpy as np
@@ -438,6 +440,44 @@ def test_a_prior_that_excludes_the_fit_is_refused():
     told = replace(found, parameters=(found.parameters[0], away, *found.parameters[2:]))
     with pytest.raises(InputError, match="does a prior exclude it"):
         walk(solution=told)
+
+
+class Recorded(emcee.moves.DEMove):
+    """Differential evolution whose steps are kept."""
+
+    steps: ClassVar[list[float]] = []
+
+    def __init__(self, gamma0):
+        self.steps.append(gamma0)
+        super().__init__(gamma0=gamma0)
+
+
+@pytest.mark.parametrize(("taken", "shorter"), [(5, True), (20, True), (30, False)])
+def test_steps_that_are_hardly_ever_taken_are_halved_after_the_first_ones(
+    monkeypatch, taken, shorter
+):
+    """Of a density that lets walkers go on in so many of the first 250 steps."""
+    monkeypatch.setattr(emcee.moves, "DEMove", Recorded)
+    monkeypatch.setattr(Recorded, "steps", [])
+    monkeypatch.setattr(
+        emcee.EnsembleSampler, "run_mcmc", lambda self, state, steps, **_: moved(self, state, taken)
+    )
+    sample_posterior(two_free(), walkers=8, effective=10**6, most_steps=250)
+    before, after = Recorded.steps[0], Recorded.steps[2]
+    assert after == pytest.approx(before / 2 if shorter else before)
+    # Jumps between minima stay.
+    assert Recorded.steps[1] == Recorded.steps[3] == 1.0
+
+
+def moved(sampler, state, often):
+    """250 steps of which all walkers take so many."""
+    steps = np.arange(250) // (250 // often)
+    chain = state.coords + 1e-3 * steps[:, None, None]
+    backend = sampler.backend
+    backend.reset(*state.coords.shape)
+    backend.iteration, backend.initialized = 250, True
+    backend.chain, backend.log_prob = chain, np.zeros(chain.shape[:2])
+    return state
 
 
 @pytest.mark.skipif(importlib.util.find_spec("arviz") is not None, reason="arviz is installed")
