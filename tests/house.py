@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 BOUNDS = {
     "class names used twice": 0,
-    "tuned numbers": 978,
+    "tuned numbers": 983,
     "tuned numbers without a comment": 141,
     "laws outside joints": 0,
     "least-squares loops of the host": 1,
@@ -43,9 +43,9 @@ MODULES = {
     "quasistatic": 10,
     "report": 3,
     "structures": 41,
-    "studies": 13,
+    "studies": 14,
     "trial": 11,
-    "updating": 20,
+    "updating": 21,
     "verbs": 13,
 }
 """Modules of each room. Joints and signals grow by design: a law and a kind of recording are one

@@ -148,6 +148,7 @@ def test_settings(study_file):
         "seed": 7,
         "reference": "shift",
         "groups": {},
+        "coupled": False,
         "model_error": None,
         "method": "optimistix",
     }
@@ -179,6 +180,7 @@ def test_settings_that_are_not_given(study_file):
         "seed": 0,
         "reference": None,
         "groups": {},
+        "coupled": False,
         "model_error": None,
         "method": "optimistix",
     }

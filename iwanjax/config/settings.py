@@ -61,6 +61,9 @@ class FitSettings(ConfigSection):
         leaves it to the model.
     groups : dict of str to tuple of str
         Joints that share their parameters, under a common name.
+    coupled : bool
+        Of a structure: whether what modes do to one another that move at the same time is taken
+        off their curves.
     model_error : ModelErrorSettings or None
         Error of the model to allow for; None leaves it to the curves.
     method : {"optimistix", "jaxopt", "host"}
@@ -71,6 +74,7 @@ class FitSettings(ConfigSection):
     seed: Index = 0
     reference: Literal["absolute", "shift"] | None = None
     groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
+    coupled: bool = False
     model_error: ModelErrorSettings | None = None
     method: Method = "optimistix"
 

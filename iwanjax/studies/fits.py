@@ -15,6 +15,7 @@ from iwanjax.errors import InputError
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.results import AbstractResult
 from iwanjax.structures import JointedStructure, oscillator
+from iwanjax.studies.beside import amplitudes_beside, hit_beside
 from iwanjax.studies.measured import MeasuredMode
 from iwanjax.studies.results import StudyResults, under_name
 from iwanjax.tables import Block
@@ -150,6 +151,11 @@ def posteriors_of(
 
 
 def _modal(study: StudySetup, mode: MeasuredMode) -> StudyFit:
+    if study.fit.coupled:
+        raise InputError(
+            f"{study.label}: fit: coupled needs a model of the structure, whose joints the modes "
+            "share; a mode on its own has no others beside it"
+        )
     kind = next(modal.kind for modal in study.modal if modal.name == mode.name)
     start = time.perf_counter()
     curves = of_one_quantity(mode.weighted)
@@ -192,7 +198,9 @@ def of_one_quantity(curves: Sequence[ModalCurves]) -> tuple[ModalCurves, ...]:
 def _structure(study: StudySetup, modes: Sequence[MeasuredMode]) -> StudyFit:
     assert study.structure is not None
     start = time.perf_counter()
-    curves = [mode.curves.as_quantity("modal displacement") for mode in modes]
+    coupled = study.fit.coupled
+    taken = [hit_beside(mode).curves if coupled else mode.curves for mode in modes]
+    curves = [each.as_quantity("modal displacement") for each in taken]
     keys = [mode.key for mode in modes if isinstance(mode.key, int)]
     settings = study.fit
     groups = settings.groups or None
@@ -207,6 +215,7 @@ def _structure(study: StudySetup, modes: Sequence[MeasuredMode]) -> StudyFit:
         study.parameters(None, known),
         modes=keys,
         groups=groups,
+        beside=amplitudes_beside(study, modes) if coupled else None,
         reference=settings.reference,
         model_error=settings.error,
         starts=settings.starts,

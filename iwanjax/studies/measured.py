@@ -127,7 +127,7 @@ def measured_modes(study: StudySetup) -> tuple[MeasuredMode, ...]:
             f"{study.label}: there are no recordings; add for instance recordings: [{{file: "
             "hit1.npz, kind: free_decay, response: {array: response, quantity: velocity}}]"
         )
-    bands = _bands(study)
+    bands = bands_of(study)
     found: dict[str | int, dict[str, list[Hit]]] = {
         key: {"fit": [], "hold_out": []} for key in bands
     }
@@ -188,7 +188,7 @@ def _mode(
     )
 
 
-def _bands(study: StudySetup) -> dict[str | int, tuple[float, float]]:
+def bands_of(study: StudySetup) -> dict[str | int, tuple[float, float]]:
     """Where each mode is looked for, Hz."""
     if study.modal:
         return {mode.name: mode.band for mode in study.modal}

@@ -15,6 +15,7 @@ from iwanjax.estimation.parameters import Parameter
 from iwanjax.results import AbstractResult, with_std
 from iwanjax.tables import Block, Grid
 from iwanjax.types import compiled_for_one_call
+from iwanjax.updating.coupling import ModalCoupling
 from iwanjax.updating.model_error import ModelError
 from iwanjax.updating.problem import AbstractProblem
 
@@ -101,6 +102,8 @@ class FitSolution(AbstractResult):
         What was fitted, and the model at the same amplitudes.
     problem : AbstractProblem
         For a posterior.
+    coupling : tuple of ModalCoupling, optional
+        Of each curve what other modes did to it, which ``measured`` is without.
 
     Examples
     --------
@@ -138,6 +141,7 @@ class FitSolution(AbstractResult):
     measured: tuple[ModalCurves, ...] = field(repr=False)
     predicted: tuple[ModalCurves, ...] = field(repr=False)
     problem: AbstractProblem = field(repr=False)
+    coupling: tuple[ModalCoupling, ...] | None = field(default=None, repr=False)
 
     @property
     def values(self) -> dict[str, float]:
@@ -195,6 +199,7 @@ class FitSolution(AbstractResult):
                 f"Deviations include {100 * self.model_error.frequency:.2g} % of the frequency and "
                 f"{100 * self.model_error.damping:.2g} % of the damping for the model's own error."
             )
+        head += [told for each in self.coupling or () if (told := each.told())]
         rows = [(p.name, self._told(p), p.meaning) for p in self.parameters]
         rows += [(name, self._derived(name), "follows from the above") for name in self.derived]
         bounds = [

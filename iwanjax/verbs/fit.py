@@ -126,6 +126,17 @@ def _told(each: StudyFit) -> dict[str, Any]:
         "converged": solution.converged,
         "runs": solution.runs,
         "model_error": None if solution.model_error is None else solution.model_error._asdict(),
+        "coupling": None
+        if solution.coupling is None
+        else [
+            {
+                "mode": each.mode,
+                "modes": list(each.modes),
+                "frequency_hz": each.frequency.tolist(),
+                "damping": each.damping.tolist(),
+            }
+            for each in solution.coupling
+        ],
         "agreeing": solution.agreeing,
         "active_bounds": solution.active_bounds,
         "undetermined": [
