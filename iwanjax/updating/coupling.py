@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -19,7 +20,8 @@ from iwanjax.updating.structural import StructuralProblem
 _SETTLED = 0.3
 # Cycles of the slowest mode, and sliders: half of those that coupled_modes takes for its own
 # figures. Both terms of a difference have them, so that most of what they miss falls out: half and
-# twice the cycles move the same by up to 0.6 of their deviations, twice the sliders by up to 0.8.
+# twice the cycles move the same by up to 0.6 of their deviations, twice the sliders by up to 0.8,
+# half of them by up to 2.5, which then have twice the deviations.
 _CYCLES, _SLIDERS = 20, 40
 
 
@@ -56,12 +58,16 @@ class ModalCoupling:
         kept = zeta - self.damping
         # Where a model that is still wrong takes off more than there is, nothing is known.
         positive = kept > 0.0
-        return _of_same_amplitudes(
+        doubt = np.where(positive, self.damping_change, zeta)
+        return eqx.tree_at(
+            lambda c: (c.frequency, c.damping, c.frequency_std, c.damping_std),
             curves,
-            f - self.frequency,
-            np.where(positive, kept, zeta),
-            _joined(curves.frequency_std, self.frequency_change),
-            _joined(curves.damping_std, np.where(positive, self.damping_change, zeta)),
+            (
+                f - self.frequency,
+                np.where(positive, kept, zeta),
+                np.hypot(np.asarray(curves.frequency_std), self.frequency_change),
+                np.hypot(np.asarray(curves.damping_std), doubt),
+            ),
         )
 
     @property
@@ -109,27 +115,6 @@ class ModalCoupling:
             )
         ]
         return bool(np.sqrt(np.mean(np.square(shares))) <= _SETTLED)
-
-
-def _of_same_amplitudes(
-    curves: ModalCurves,
-    frequency: np.ndarray,
-    damping: np.ndarray,
-    frequency_std: np.ndarray,
-    damping_std: np.ndarray,
-) -> ModalCurves:
-    """Curves of the same amplitudes."""
-    return ModalCurves(
-        curves.amplitude,
-        frequency,
-        damping,
-        amplitude_std=curves.amplitude_std,
-        frequency_std=frequency_std,
-        damping_std=damping_std,
-        quantity=curves.quantity,
-        unit=curves.unit,
-        name=curves.name,
-    )
 
 
 def checked_beside(
@@ -205,7 +190,3 @@ def couplings(
             added, doubt = np.where(known, both - one, 0.0), np.where(known, 0.0, np.abs(one))
         found.append(ModalCoupling(mode, tuple(others), A, *added, *doubt))
     return found
-
-
-def _joined(std: object, more: np.ndarray) -> np.ndarray:
-    return np.hypot(np.asarray(std), more)

@@ -100,6 +100,7 @@ def with_model_error(
             quantity=each.quantity,
             unit=each.unit,
             name=each.name,
+            largest=each.largest,
         )
         for each in curves
     )

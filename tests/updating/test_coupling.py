@@ -13,6 +13,8 @@ Q = np.geomspace(60.0, 0.6, 16)
 # How far the other mode moves at each level: less and less, as in a decay.
 MOVED = 0.3 * Q
 RELATIVE = (1e-4, 0.01)
+# What the mode had reached before its first level: a joint with memory goes by it.
+LARGEST = 80.0
 
 
 def chain(**values):
@@ -28,7 +30,8 @@ def curves():
     """The mode while the other moves, by averages twice as long and sliders twice as fine."""
     moving = ij.coupled_modes(chain(), np.stack([Q, MOVED], 1), ZETA_0, modes=[MODE, OTHER])
     f, zeta = np.asarray(moving.frequency)[:, 0], np.asarray(moving.damping)[:, 0]
-    return ij.ModalCurves(Q, f, zeta, frequency_std=RELATIVE[0] * f, damping_std=RELATIVE[1] * zeta)
+    f_std, zeta_std = RELATIVE[0] * f, RELATIVE[1] * zeta
+    return ij.ModalCurves(Q, f, zeta, frequency_std=f_std, damping_std=zeta_std, largest=LARGEST)
 
 
 def test_the_joint_comes_back_from_a_mode_that_another_disturbs(curves, tmp_path):
@@ -50,6 +53,7 @@ def test_the_joint_comes_back_from_a_mode_that_another_disturbs(curves, tmp_path
     assert ij.FitSolution.load(found.save(tmp_path / "fit.npz")).summary() == found.summary()
     # What was taken off and what is left make the curve that was measured.
     (used,) = found.measured
+    assert float(used.largest) == LARGEST
     np.testing.assert_allclose(used.frequency + coupling.frequency, curves.frequency, rtol=1e-12)
     np.testing.assert_allclose(used.damping + coupling.damping, curves.damping, rtol=1e-9)
 

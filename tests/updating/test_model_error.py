@@ -1,5 +1,7 @@
 """Curves without noise: what the model's own error is taken for, and what comes of it."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from updating.test_fit import NAMES, TRUTH, clean, noisy
 import iwanjax as ij
 from iwanjax.errors import InputError
 from iwanjax.updating import fit
+from iwanjax.updating.model_error import ModelError, with_model_error
 
 ASKED = (1e-4, 0.02)
 
@@ -51,6 +54,13 @@ def test_an_error_that_is_asked_for_is_taken_with_the_curves_deviations(shares):
     theta = jnp.asarray([p.value for p in found.parameters])
     difference = (np.asarray(found.predicted[0].damping) - used.damping) / used.damping_std
     np.testing.assert_allclose(found.problem.differences(theta)[1], difference, atol=1e-9)
+
+
+def test_how_far_a_mode_had_been_stays_with_its_curve():
+    """A joint with memory goes by it."""
+    curves = replace(silent(), largest=7.0)
+    (used,) = with_model_error([curves], ModelError(1e-4, 0.02))
+    assert float(used.largest) == 7.0
 
 
 def test_measured_curves_get_none_unless_asked():
