@@ -118,8 +118,14 @@ def bounded(
         },
     )
     box = (np.where(boxed, 0.0, -np.inf), np.where(boxed, 1.0, np.inf))
-    found = solver.run(_to_box(chart, jnp.asarray(theta)), box, problem)
-    inside = np.array(_from_box(chart, found.params))
+    begin = _to_box(chart, jnp.asarray(theta))
+    try:
+        found = solver.run(begin, box, problem)
+        params, success, evaluations = found.params, found.state.success, found.state.num_fun_eval
+    except ValueError:
+        # Where slopes overflow SciPy knows no step, and says so by this alone.
+        params, success, evaluations = begin, False, 1
+    inside = np.array(_from_box(chart, params))
     # SciPy stays strictly inside; a bound is the estimate if it costs nothing to go there.
     lower, upper = np.asarray(chart.lower), np.asarray(chart.upper)
     best, least = min(((t, _cost(problem, t)) for t in (theta, inside)), key=lambda pair: pair[1])
@@ -133,8 +139,8 @@ def bounded(
         values=best,
         x=np.asarray(problem.to_variables(jnp.asarray(best))),
         cost=least,
-        converged=bool(found.state.success),
-        iterations=int(found.state.num_fun_eval),
+        converged=bool(success),
+        iterations=int(evaluations),
         method="jaxopt",
         at_bounds=resting(problem, best, settings),
     )

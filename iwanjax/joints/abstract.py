@@ -4,7 +4,7 @@ import abc
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol, Self, TypeAlias
+from typing import Any, ClassVar, Literal, Protocol, Self, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -68,7 +68,7 @@ class ParameterInfo:
     transform: Literal["log", "logit", "identity"] = "identity"
     usual: tuple[float, float] | None = None
 
-    def contains(self, value: np.ndarray) -> np.ndarray:
+    def contains(self, value: Array | np.ndarray) -> Any:
         """Whether each value lies within the bounds."""
         above = value >= self.lower if self.closed in ("lower", "both") else value > self.lower
         below = value <= self.upper if self.closed in ("upper", "both") else value < self.upper

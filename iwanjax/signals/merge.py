@@ -153,10 +153,7 @@ def merge_curves(curves: Sequence[ModalCurves], levels: int | None = None) -> Me
     lows, highs = np.sort([x[0] for x in logs]), np.sort([x[-1] for x in logs])
     low, high = lows[1], highs[-2]
     if high <= low:
-        raise InputError(
-            f"merge_curves: no amplitude is reached by two hits (they end at {np.exp(high):.3g} "
-            f"and begin at {np.exp(low):.3g}); analyse them one by one"
-        )
+        raise _shares_nothing(logs)
     if levels is not None and levels < 2:
         raise InputError(f"merge_curves: levels = {levels}; expected at least 2")
     step = float(np.median(np.concatenate([np.diff(x) for x in logs])))
@@ -166,6 +163,9 @@ def merge_curves(curves: Sequence[ModalCurves], levels: int | None = None) -> Me
     damping = _merged(hits, at, "damping")
     reached = np.isfinite(frequency.values).sum(axis=0)
     keep = reached >= 2
+    if np.count_nonzero(keep) < 2:
+        # Between the second lowest beginning and the second highest end each may be alone.
+        raise _shares_nothing(logs)
     first = hits[0]
     known = [float(hit.largest) for hit in hits if hit.largest is not None]
     merged = ModalCurves(
@@ -189,6 +189,15 @@ def merge_curves(curves: Sequence[ModalCurves], levels: int | None = None) -> Me
         frequency.spread[keep],
         damping.spread[keep],
         hits,
+    )
+
+
+def _shares_nothing(logs: Sequence[np.ndarray]) -> InputError:
+    """Of hits by their ordered logarithms of amplitude."""
+    ranges = ", ".join(f"{np.exp(x[0]):.3g} to {np.exp(x[-1]):.3g}" for x in logs)
+    return InputError(
+        f"merge_curves: no amplitude is reached by two hits (they reach {ranges}); analyse them "
+        "one by one"
     )
 
 

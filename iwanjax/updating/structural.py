@@ -118,9 +118,13 @@ class StructuralProblem(AbstractProblem):
         joints: dict[str, AbstractJoint] = {}
         for _, labels, kind, first in self._groups():
             values = theta[first : first + len(kind.parameters)]
-            for label in labels:
-                given = {i.name: v for i, v in zip(kind.parameters, values, strict=True)}
-                joints[label] = kind(**given)
+            # A joint lets traced values pass: where there is none, as at chi = -1, there are no
+            # residuals, and no bound to rest on.
+            given = {
+                i.name: jnp.where(i.contains(v), v, jnp.nan)
+                for i, v in zip(kind.parameters, values, strict=True)
+            }
+            joints |= {label: kind(**given) for label in labels}
         return self.structure.with_joints(joints)
 
     def predict(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:

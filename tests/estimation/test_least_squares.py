@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 from iwanjax.errors import InputError
 from iwanjax.estimation import Normal, Parameter
-from iwanjax.estimation.bounded import within_bounds
+from iwanjax.estimation.bounded import bounded, within_bounds
 from iwanjax.estimation.evidence import linearised
 from iwanjax.estimation.least_squares import least_squares
 from iwanjax.estimation.parameters import Chart, drawn
@@ -164,3 +164,25 @@ def test_a_start_without_residuals_costs_a_bounded_search_nothing_but_itself():
     assert lost.cost == np.inf
     assert not lost.converged
     assert found.converged
+
+
+def test_slopes_that_overflow_leave_a_bounded_search_where_it_is():
+    """The share is at its bound, and the other's slope is beyond what doubles hold."""
+    row = [
+        Parameter("share", 0.5, Normal(0.5, 0.2), lower=0.0, upper=1.0, transform="logit"),
+        Parameter("power", 1.0, Normal(1.0, 1.0), lower=0.0, transform="log"),
+    ]
+
+    def law(t, _):
+        # One to any power, by a slope that is infinite where the power is.
+        grown = t[1] ** 2 * t[1] ** 2
+        return jnp.stack([t[0] + 1.0, 1.0 + grown / (1.0 + grown)])
+
+    asked = problem(law, row, np.zeros(2), np.zeros(2))
+    begin = np.array([1e-7, 1e70])
+    _, slopes = residuals_and_slopes(asked, jnp.asarray(begin))
+    assert not np.all(np.isfinite(slopes))
+    found = bounded(asked, begin)
+    assert not found.converged
+    assert found.cost == pytest.approx(5.0, rel=1e-6)
+    assert found.at_bounds == {"share": 0.0}

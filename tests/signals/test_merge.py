@@ -191,6 +191,10 @@ REFUSED = {
         ],
         "no amplitude is reached by two hits",
     ),
+    "three apart": (
+        [hit(np.random.default_rng(0), low=low, high=low + 1) for low in (-6, -4, -2)],
+        r"reached by two hits \(they reach .* to .*, .* to .*, .* to .*\)",
+    ),
     "one level": ([hit(np.random.default_rng(0), count=1)] * 2, r"hit 0 has shape \(1,\)"),
 }
 

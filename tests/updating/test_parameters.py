@@ -67,7 +67,8 @@ def test_no_variable_leads_out_of_the_bounds(z):
         ]
     )
     a, b = np.asarray(chart.to_values(np.array([z, z])))
-    assert -1.0 <= a <= 2.0
+    # On a bound itself, as chi = -1, a law may mean nothing.
+    assert -1.0 < a < 2.0
     assert b > 0.0
 
 

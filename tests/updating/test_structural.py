@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -177,6 +178,15 @@ def test_offsets_are_what_remains_between_prediction_and_curves(found, curves):
         rest = np.asarray(measured.frequency) - np.asarray(predicted.frequency)
         assert np.average(rest, weights=std**-2.0) == pytest.approx(offset, abs=0.05 * abs(offset))
         np.testing.assert_array_equal(predicted.amplitude, measured.amplitude)
+
+
+def test_there_are_no_residuals_where_there_is_no_joint(found):
+    """At chi = -1, which traced values reach without a word."""
+    theta = jnp.asarray([p.value for p in found.parameters])
+    names = [p.name for p in found.parameters]
+    residuals = eqx.filter_jit(found.problem.residuals)
+    assert np.all(np.isfinite(residuals(theta)))
+    assert not np.any(np.isfinite(residuals(theta.at[names.index("J1.chi")].set(-1.0))))
 
 
 def test_predictions_are_those_of_statics(found):
