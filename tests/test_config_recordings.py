@@ -149,6 +149,7 @@ def test_settings(study_file):
         "reference": "shift",
         "groups": {},
         "coupled": False,
+        "most_probable": False,
         "model_error": None,
         "method": "optimistix",
     }
@@ -181,6 +182,7 @@ def test_settings_that_are_not_given(study_file):
         "reference": None,
         "groups": {},
         "coupled": False,
+        "most_probable": False,
         "model_error": None,
         "method": "optimistix",
     }

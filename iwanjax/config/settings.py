@@ -64,6 +64,8 @@ class FitSettings(ConfigSection):
     coupled : bool
         Of a structure: whether what modes do to one another that move at the same time is taken
         off their curves.
+    most_probable : bool
+        Whether priors count as measurements do.
     model_error : ModelErrorSettings or None
         Error of the model to allow for; None leaves it to the curves.
     method : {"optimistix", "jaxopt", "host"}
@@ -75,6 +77,7 @@ class FitSettings(ConfigSection):
     reference: Literal["absolute", "shift"] | None = None
     groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
     coupled: bool = False
+    most_probable: bool = False
     model_error: ModelErrorSettings | None = None
     method: Method = "optimistix"
 

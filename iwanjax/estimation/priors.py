@@ -23,6 +23,10 @@ class AbstractPrior(eqx.Module):
         """Logarithm of the density at values; minus infinity outside the support."""
 
     @abc.abstractmethod
+    def score(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Deviations from the middle, as a residual; zero where all values are as likely."""
+
+    @abc.abstractmethod
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values drawn from the distribution, (count,)."""
 
@@ -58,6 +62,10 @@ class Uniform(AbstractPrior):
         """Constant inside."""
         inside = (value >= self.low) & (value <= self.high)
         return jnp.where(inside, -jnp.log(self.high - self.low), -jnp.inf)
+
+    def score(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """None: bounds keep what is outside away."""
+        return jnp.zeros_like(value)
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values between the ends."""
@@ -98,6 +106,10 @@ class LogUniform(AbstractPrior):
         safe = jnp.where(inside, value, 1.0)
         return jnp.where(inside, -jnp.log(safe) - jnp.log(jnp.log(self.high / self.low)), -jnp.inf)
 
+    def score(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """None: bounds keep what is outside away."""
+        return jnp.zeros_like(value)
+
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values between the ends."""
         return np.exp(random.uniform(np.log(self.low), np.log(self.high), count))
@@ -136,6 +148,10 @@ class Normal(AbstractPrior):
         """Quadratic in the value."""
         z = (value - self.mean) / self.std
         return -0.5 * z**2 - jnp.log(self.std) - _LOG_ROOT_TAU
+
+    def score(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Linear in the value."""
+        return (value - self.mean) / self.std
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values about the mean."""
@@ -179,6 +195,10 @@ class LogNormal(AbstractPrior):
         z = (log - jnp.log(self.median)) / self.sigma
         density = -0.5 * z**2 - log - jnp.log(self.sigma) - _LOG_ROOT_TAU
         return jnp.where(positive, density, -jnp.inf)
+
+    def score(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Linear in the logarithm."""
+        return jnp.log(value / self.median) / self.sigma
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Values about the median."""

@@ -1,6 +1,6 @@
 """Modes that moved together: each one's curve without what the others do to it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import equinox as eqx
@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from iwanjax.curves import ModalCurves
 from iwanjax.errors import InputError
+from iwanjax.estimation.parameters import Parameter
 from iwanjax.quasistatic.coupled import coupled_modes
 from iwanjax.types import ArrayLike, as_real
 from iwanjax.updating.structural import StructuralProblem
@@ -23,6 +24,12 @@ _SETTLED = 0.3
 # twice the cycles move the same by up to 0.6 of their deviations, twice the sliders by up to 0.8,
 # half of them by up to 2.5, which then have twice the deviations.
 _CYCLES, _SLIDERS = 20, 40
+# Chance of the prior beyond which a parameter is lost: five deviations.
+_FAR = 3e-7
+_INSTEAD = (
+    "Hold what is known (fixed=, for instance K_T by low amplitudes), give hits that move fewer "
+    "modes, or fit the recordings themselves (ij.diagnose refits the joints)"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,3 +197,37 @@ def couplings(
             added, doubt = np.where(known, both - one, 0.0), np.where(known, 0.0, np.abs(one))
         found.append(ModalCoupling(mode, tuple(others), A, *added, *doubt))
     return found
+
+
+def refuse_lost(parameters: Sequence[Parameter], active: Container[str]) -> None:
+    """With such parameters what modes do to one another means nothing.
+
+    Raises
+    ------
+    InputError
+    """
+    for p in parameters:
+        if p.fixed or p.name in active:
+            continue
+        low, high = p.prior.quantile(np.array([_FAR, 1.0 - _FAR]))
+        if not low <= p.value <= high:
+            raise InputError(
+                f"fit: the levels that other modes leave alone do not hold {p.name}, which went to "
+                f"{p.value:.3g} (started around {p.prior.quantile(np.array(0.5)):.3g}). {_INSTEAD}"
+            )
+
+
+def refuse_ruled(coupling: Sequence[ModalCoupling], curves: Sequence[ModalCurves]) -> None:
+    """Curves that others rule hold no joint: several ends explain them, each with its own share.
+
+    Raises
+    ------
+    InputError
+    """
+    for own, each in zip(coupling, curves, strict=True):
+        share = float(np.median(np.abs(own.damping) / np.asarray(each.damping)))
+        if share > 1.0:
+            raise InputError(
+                f"fit: what other modes do to mode {own.mode} is {share:.1f} times the damping "
+                f"that was measured, in the middle of its levels: they rule its joints. {_INSTEAD}"
+            )

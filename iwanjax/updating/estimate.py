@@ -21,11 +21,17 @@ from iwanjax.estimation.settings import Method
 from iwanjax.joints import AbstractJoint, joint_type
 from iwanjax.structures import JointedStructure
 from iwanjax.types import ArrayLike, require_double_precision
-from iwanjax.updating.coupling import ModalCoupling, checked_beside, couplings
+from iwanjax.updating.coupling import (
+    checked_beside,
+    couplings,
+    refuse_lost,
+    refuse_ruled,
+)
 from iwanjax.updating.joint_groups import structural_parameters
 from iwanjax.updating.microslip import microslip
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.model_error import ModelError, model_error_of, with_model_error
+from iwanjax.updating.most_probable import MostProbable
 from iwanjax.updating.problem import AbstractProblem, Reference
 from iwanjax.updating.projected import ProjectedProblem
 from iwanjax.updating.solution import FitSolution, certainty, point
@@ -38,12 +44,6 @@ _CHANCE = 1e-3
 # Fits by turns with what modes do to one another, at most; half or twice as many change little or
 # nothing where they settle (tests/studies/test_coupled_fit.py: by up to 0.2 of the deviations).
 _ROUNDS = 12
-# Chance of the prior beyond which a parameter is lost: five deviations.
-_FAR = 3e-7
-_INSTEAD = (
-    "Hold what is known (fixed=, for instance K_T by low amplitudes), give hits that move fewer "
-    "modes, or fit the recordings themselves (ij.diagnose refits the joints)"
-)
 
 
 def fit(
@@ -58,6 +58,7 @@ def fit(
     beside: Sequence[Mapping[int, ArrayLike] | None] | None = None,
     reference: Reference | None = None,
     model_error: tuple[float, float] | None = None,
+    most_probable: bool = False,
     starts: int = 64,
     seed: int = 0,
     method: Method = "optimistix",
@@ -71,7 +72,8 @@ def fit(
 
     by Levenberg-Marquardt (optimistix) from many starts in one batch; where a parameter
     comes close to one of two bounds, from there by a bounded least squares (jaxopt). The
-    priors only provide the starts. ``method`` gives the whole search to another solver.
+    priors provide the starts, and count only where ``most_probable`` or ``beside`` says so.
+    ``method`` gives the whole search to another solver.
 
     Parameters
     ----------
@@ -98,7 +100,8 @@ def fit(
     beside : sequence of mapping of int to (levels,) array_like, optional
         For a structure: for each curve the other modes that moved when it was measured, with their
         modal displacements at its levels. What they do to the curve (:func:`coupled_modes`) is
-        taken off it, by turns with the fit, until neither changes.
+        taken off it, by turns with the fit, until neither changes. Priors count meanwhile: what the
+        levels that are left to a mode do not hold would go anywhere.
     reference : {"absolute", "shift"}, optional
         Compare frequencies themselves (default for an oscillator), or up to one offset a
         curve (default for a structure): errors of the linear model must not be paid for by
@@ -108,6 +111,10 @@ def fit(
         curves' in quadrature; curves may then be without any. By default none, but for curves
         without noise (simulated decays) 2e-4 and 0.015, what quasi-static curves in microslip
         differ by from decays; (0, 0) for none. The solution tells.
+    most_probable : bool
+        Whether priors count as measurements do: for a stiffness that is known from low amplitudes
+        within its deviation, say. The sum has :math:`(\ln\theta - \ln m)^2/\sigma^2` for a
+        log-normal prior, alike for a normal one, nothing for those between two ends.
     starts : int
         Starting points: the parameters' values, and draws from their priors. All are
         improved and compared; sixteen, the best of each neighbourhood, are run to their
@@ -162,13 +169,13 @@ def fit(
     if isinstance(model, JointedStructure):
         known = structural_parameters(model, groups, several, modes)
         row = fixed_at(replaced(tuple(known.values()), others), fixed)
-        compared = reference or "shift"
+        compared, counted = reference or "shift", most_probable or beside is not None
 
         def solved(
             some: Sequence[ModalCurves], begin: tuple[Parameter, ...], runs: int
         ) -> FitSolution:
             of_these = structural_problem(model, some, begin, modes, sensors, groups, compared)
-            return solve(of_these, begin, some, runs, int(seed), error, method)
+            return solve(of_these, begin, some, runs, int(seed), error, method, counted)
 
         if beside is None:
             return solved(several, row, int(starts))
@@ -186,7 +193,7 @@ def fit(
         )
     row = fixed_at(replaced(tuple(modal_parameters(kind, several).values()), others), fixed)
     problem = modal_problem(kind, several, row, reference or "absolute")
-    return solve(problem, row, several, int(starts), int(seed), error, method)
+    return solve(problem, row, several, int(starts), int(seed), error, method, most_probable)
 
 
 def _coupled(
@@ -221,43 +228,19 @@ def _coupled(
         alone = [own.taken_off(each) for own, each in zip(now, curves, strict=True)]
         solution = replace(solved(alone, parameters, runs), coupling=tuple(now))
         parameters = solution.parameters
-        _refuse_lost(solution)
+        refuse_lost(parameters, solution.active_bounds)
         theta = np.array([p.value for p in parameters])
         found = couplings(problem, theta, beside)
         now = [new.after(old, step) for new, old in zip(found, now, strict=True)]
         rounds += 1
         settled = all(new.settled(each) for new, each in zip(now, curves, strict=True))
         if (settled and runs == starts) or rounds == _ROUNDS:
-            _refuse_ruled(now, curves)
+            refuse_ruled(now, curves)
             return replace(solution, converged=solution.converged and settled)
         # From where it stands: of other ends that are as good it would find another each time.
         # What has settled is looked at from everywhere once more.
         # Half the way, for a curve that was given too much is given too little next.
         runs, step = starts if settled else 1, 0.5
-
-
-def _refuse_lost(solution: FitSolution) -> None:
-    """With such parameters what modes do to one another means nothing."""
-    for p in solution.parameters:
-        if p.fixed or p.name in solution.active_bounds:
-            continue
-        low, high = p.prior.quantile(np.array([_FAR, 1.0 - _FAR]))
-        if not low <= p.value <= high:
-            raise InputError(
-                f"fit: the levels that other modes leave alone do not hold {p.name}, which went to "
-                f"{p.value:.3g} (started around {p.prior.quantile(np.array(0.5)):.3g}). {_INSTEAD}"
-            )
-
-
-def _refuse_ruled(coupling: Sequence[ModalCoupling], curves: Sequence[ModalCurves]) -> None:
-    """Curves that others rule hold no joint: several ends explain them, each with its own share."""
-    for own, each in zip(coupling, curves, strict=True):
-        share = float(np.median(np.abs(own.damping) / np.asarray(each.damping)))
-        if share > 1.0:
-            raise InputError(
-                f"fit: what other modes do to mode {own.mode} is {share:.1f} times the damping "
-                f"that was measured, in the middle of its levels: they rule its joints. {_INSTEAD}"
-            )
 
 
 def solve(
@@ -268,27 +251,30 @@ def solve(
     seed: int,
     model_error: ModelError | None = None,
     method: Method = "optimistix",
+    most_probable: bool = False,
 ) -> FitSolution:
     """Search a problem and say how sure its answer is."""
     random = np.random.default_rng(seed)
     draws = problem.spread(drawn(parameters, random, starts))
     searched, runs = _searched(problem, parameters), min(starts, problem.most_runs)
+    asked = MostProbable.of(searched, parameters) if most_probable else searched
     with ThreadPoolExecutor(1) as other:
         # The compiler leaves the second core to this, which is wanted right after.
         other.submit(point, problem, jnp.asarray(draws[0]))
-        found = least_squares(searched, jnp.asarray(draws), runs, method=method)
+        found = least_squares(asked, jnp.asarray(draws), runs, method=method)
     best = min(found, key=lambda each: each.cost)
     further = problem.restarts(best.values, starts)
     if further is not None:
         # As many again: one compiled search serves both.
-        found += least_squares(searched, jnp.asarray(further), runs, method=method)
+        found += least_squares(asked, jnp.asarray(further), runs, method=method)
         best = min(found, key=lambda each: each.cost)
     if not np.isfinite(best.cost):
         raise InputError(
             "fit: no start gave finite residuals; are the amplitudes in the unit that the model "
             "is in?"
         )
-    theta = _completed(searched, within_bounds(searched, best).values)
+    end = within_bounds(asked, best)
+    theta = _completed(searched, end.values)
     active = resting(problem, theta)
     final = with_values(parameters, theta)
     there = point(problem, jnp.asarray(theta))
@@ -303,7 +289,9 @@ def solve(
         theta,
         lambda each: _minimum(problem, each).cost <= allowed,
     )
-    ends = [_completed(searched, each.values) for each in found if each.cost <= allowed]
+    # What the priors say counts in all ends alike.
+    within = end.cost + allowed - least
+    ends = [_completed(searched, each.values) for each in found if each.cost <= within]
     minima = [_minimum(problem, each) for each in (theta, *ends, *alike.thetas)]
     as_good = [each for each in minima if each.cost <= allowed]
     sure = certainty(as_good, final, tuple(active), misfit)
@@ -327,6 +315,7 @@ def solve(
         agreeing=sum(each.cost <= best.cost * (1.0 + _SAME_COST) + _SAME_COST for each in found),
         runs=len(found),
         model_error=model_error,
+        most_probable=most_probable,
         model=problem.model(jnp.asarray(theta)),
         measured=tuple(curves),
         predicted=predicted_curves(problem, there.prediction, curves),

@@ -104,6 +104,8 @@ class FitSolution(AbstractResult):
         For a posterior.
     coupling : tuple of ModalCoupling, optional
         Of each curve what other modes did to it, which ``measured`` is without.
+    most_probable : bool
+        Whether the priors counted beside the curves.
 
     Examples
     --------
@@ -142,6 +144,7 @@ class FitSolution(AbstractResult):
     predicted: tuple[ModalCurves, ...] = field(repr=False)
     problem: AbstractProblem = field(repr=False)
     coupling: tuple[ModalCoupling, ...] | None = field(default=None, repr=False)
+    most_probable: bool = False
 
     @property
     def values(self) -> dict[str, float]:
@@ -199,6 +202,8 @@ class FitSolution(AbstractResult):
                 f"Deviations include {100 * self.model_error.frequency:.2g} % of the frequency and "
                 f"{100 * self.model_error.damping:.2g} % of the damping for the model's own error."
             )
+        if self.most_probable:
+            head.append("Most probable values: what is believed of the parameters counts, too.")
         head += [told for each in self.coupling or () if (told := each.told())]
         rows = [(p.name, self._told(p), p.meaning) for p in self.parameters]
         rows += [(name, self._derived(name), "follows from the above") for name in self.derived]
@@ -247,8 +252,12 @@ class FitSolution(AbstractResult):
             return f"{p.value:.6g}{unit} (fixed)"
         if p.name in self.active_bounds:
             return f"{p.value:.6g}{unit} (on its bound)"
-        told = with_std(p.value, self.std[p.name])
-        return told + unit if self.determined[p.name] else f"{p.value:.3g}{unit} (undetermined)"
+        told = with_std(p.value, self.std[p.name]) + unit
+        if self.determined[p.name]:
+            return told
+        if self.most_probable and p.name not in self.rivals:
+            return f"{told} (mostly what was believed)"
+        return f"{p.value:.3g}{unit} (undetermined)"
 
 
 def ambiguities(

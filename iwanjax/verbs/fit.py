@@ -125,6 +125,7 @@ def _told(each: StudyFit) -> dict[str, Any]:
         "misfit_damping": solution.misfit_damping,
         "converged": solution.converged,
         "runs": solution.runs,
+        "most_probable": solution.most_probable,
         "model_error": None if solution.model_error is None else solution.model_error._asdict(),
         "coupling": None
         if solution.coupling is None
