@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from iwanjax.config import RecordingEntry, StudySetup
 from iwanjax.config.cases import carried
@@ -191,32 +190,6 @@ class _Model:
         self.problem, self.best, self.theta = problem, best, theta
         self.low = best.modes("low")
 
-        def responses(
-            force: Array,
-            rows: Array,
-            inputs: Array,
-            kept: Quantity,
-            dt: float,
-            substeps: int,
-            side_by_side: int,
-        ) -> Array:
-            def one(own: Array) -> Array:
-                found = simulate(
-                    problem.model(own),
-                    force,
-                    dt,
-                    inputs=inputs,
-                    sensors=rows,
-                    keep=(kept,),
-                    substeps=substeps,
-                )
-                return getattr(found, kept)
-
-            return jax.lax.map(one, jnp.asarray(theta), batch_size=side_by_side)
-
-        # One kernel for all recordings of a length.
-        self._responses = jax.jit(responses, static_argnums=(3, 4, 5, 6))
-
     def places(self, modes: Sequence[MeasuredMode]) -> list[int]:
         """Indices of modes among those of the updated model, which joints may have reordered."""
         alike = modal_assurance(self.low.Phi, self.best.basis.Phi, self.best.structure.M)
@@ -225,17 +198,17 @@ class _Model:
 
     def driven(self, test: _Test, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Best prediction (N, rows), those of the draws (draws, N, rows), and the first's error."""
-        side_by_side = self._fitting(8 * len(test.force) * len(rows))
+        self._check_room(8 * len(test.force) * len(rows))
         kept, dt = test.quantity, 1.0 / test.recording.sampling_rate
         force, inputs = test.force, np.stack([*test.inputs.values()])
         run = partial(simulate, force=force, dt=dt, inputs=inputs, sensors=rows, keep=(kept,))
         found = run(self.best)
         rough, steps = np.array(getattr(found, kept)), found.substeps
-        drawn = np.array(self._responses(force, rows, inputs, kept, dt, steps, side_by_side))
-        # A draw that needs shorter steps is NaN: it is run by itself, which finds them.
-        for i in np.flatnonzero(np.any(np.isnan(drawn), axis=(1, 2))):
-            own = self.problem.model(jnp.asarray(self.theta[i]))
-            drawn[i] = getattr(run(own, substeps=steps), kept)
+        # One by one: what is known of a structure's damping and modes when it is no tracer makes
+        # a step of the beam with 84 of them a tenth of the work.
+        drawn = np.empty((len(self.theta), *rough.shape))
+        for i, own in enumerate(self.theta):
+            drawn[i] = getattr(run(self.problem.model(jnp.asarray(own)), substeps=steps), kept)
         # Steps as short as the noise asks for, where there are any; what they change is much the
         # same for all draws.
         floor = float(np.min(test.noise / _rms(test.recording.response[test.compared])))
@@ -249,13 +222,12 @@ class _Model:
             best, drawn = best + moved, drawn + moved
         return best, drawn, float(found.error)
 
-    def _fitting(self, held: int) -> int:
-        """Draws that memory has room for at once, where each leaves so many bytes.
+    def _check_room(self, held: int) -> None:
+        """Draws whose responses, so many bytes each, leave room for others.
 
         Raises
         ------
         InputError
-            Where there is none for what all of them leave.
         """
         draws, room = len(self.theta), MEMORY.kernels
         if held * draws > room:
@@ -263,7 +235,6 @@ class _Model:
                 f"responses of {draws} draws take {held * draws / 2**30:.1f} GB; expected "
                 f"{room / 2**30:g} at most: take fewer draws, or a part of the recording (from, to)"
             )
-        return int(np.clip(room // (8 * self.best.structure.size**2 + held), 1, draws))
 
 
 def _predicted(
