@@ -1,7 +1,6 @@
 """The density that a posterior is sampled from, in the variables of its problem."""
 
 import math
-from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -9,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.estimation.parameters import Parameter
 from iwanjax.estimation.priors import AbstractPrior
 from iwanjax.updating.problem import AbstractProblem
+from iwanjax.updating.solution import FitSolution
 
 NOISE_SCALES = ("noise_scale_frequency", "noise_scale_damping")
 """Factors on the stated deviations of the two kinds of data."""
@@ -30,11 +29,21 @@ class Density(eqx.Module):
 
     The residuals r are over the stated deviations; the scales s say by how much those are
     too small or too large, with log-normal priors about 1. Where the model leaves
-    something out they grow, and the intervals with them.
+    something out they grow, and the intervals with them. Where the deviations hold a model's own
+    error, or doubt about other modes, they do not shrink: neither is scatter that residuals show.
+
+    Attributes
+    ----------
+    problem : AbstractProblem
+    priors : tuple of AbstractPrior
+        Of the parameters that move.
+    least : scalar
+        Of the logarithms of the scales.
     """
 
     problem: AbstractProblem
     priors: tuple[AbstractPrior, ...]
+    least: Float[Array, ""]
 
     def at(self, y: Float[Array, " variables"], f: Array, zeta: Array) -> Float[Array, ""]:
         """Log density up to a constant; minus infinity where there is none.
@@ -53,7 +62,7 @@ class Density(eqx.Module):
         inside = jnp.all(
             (theta[free] >= self.problem.chart.lower[free])
             & (theta[free] <= self.problem.chart.upper[free])
-        )
+        ) & jnp.all(log_scales >= self.least)
         noise = -0.5 * jnp.sum((log_scales / _NOISE_SIGMA) ** 2)
         kinds = self.problem.compared(f, zeta)
         data = sum(
@@ -67,9 +76,14 @@ class Density(eqx.Module):
         return jnp.where(inside & jnp.isfinite(total), total, -jnp.inf)
 
     @classmethod
-    def of(cls, problem: AbstractProblem, parameters: Sequence[Parameter]) -> "Density":
-        """The density of a problem with its parameters' priors."""
-        return cls(problem, tuple(p.prior for p in parameters if not p.fixed))
+    def of(cls, solution: FitSolution) -> "Density":
+        """The density of a fit's problem with its parameters' priors."""
+        systematic = solution.model_error is not None or solution.coupling is not None
+        return cls(
+            solution.problem,
+            tuple(p.prior for p in solution.parameters if not p.fixed),
+            jnp.asarray(0.0 if systematic else -jnp.inf),
+        )
 
 
 @eqx.filter_jit

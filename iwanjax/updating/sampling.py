@@ -50,7 +50,8 @@ def sample_posterior(
     """Sample the parameters' posterior from a fit on (emcee: Foreman-Mackey et al. 2013).
 
     The density is :class:`~iwanjax.updating.density.Density`: the curves' deviations times
-    a scale that is inferred for each kind of data, and the parameters' priors. All walkers
+    a scale that is inferred for each kind of data (at least 1 where they hold a model's own error
+    or doubt about other modes), and the parameters' priors. All walkers
     are one vectorised, jitted evaluation; the moves are differential evolution with its
     jumps between modes (ter Braak 2006) and the stretch move, in variables in which the
     ridges of microslip data are straight.
@@ -97,7 +98,7 @@ def sample_posterior(
     (20, 6)
     """
     problem = solution.problem
-    density = Density.of(problem, solution.parameters)
+    density = Density.of(solution)
     size = len(problem.chart.free) + 2
     if walkers % 2 or walkers < 2 * size:
         raise InputError(
@@ -240,9 +241,10 @@ class _Kept:
 
 def _fingerprint(solution: FitSolution, walkers: int) -> str:
     """Of all that the density depends on."""
-    static = jax.tree.structure(solution.problem)
+    density = Density.of(solution)
+    static = jax.tree.structure(density.problem)
     digest = hashlib.sha256(f"{walkers} {static}".encode())
-    for leaf in jax.tree.leaves(solution.problem):
+    for leaf in (*jax.tree.leaves(density.problem), density.least):
         digest.update(np.ascontiguousarray(leaf, dtype=float).tobytes())
     for p in solution.parameters:
         # The estimate itself only says where a walk starts.
@@ -304,6 +306,8 @@ def _starts(
     root = jnp.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
     spread = np.asarray(spread_of(problem, theta, root))
     scales = [log_scale(solution.misfit_frequency), log_scale(solution.misfit_damping)]
+    # A little above the least, so that most walkers start there and are spread.
+    scales = np.maximum(scales, float(density.least) + 0.2)
     found = np.empty((0, len(free) + 2))
     # On a bound the variable is far out: start where the slope of its map still counts.
     center = np.clip(center, *_reach(solution))

@@ -252,9 +252,30 @@ def test_density_is_likelihood_times_priors_times_the_volume_of_the_variables():
             total += np.sum(-0.5 * (r / np.exp(log)) ** 2 - log) - 0.5 * log**2
         return total
 
-    got = np.asarray(log_densities(Density.of(problem, found.parameters), jnp.asarray(y)))
+    got = np.asarray(log_densities(Density.of(found), jnp.asarray(y)))
     wanted = np.array([expected(point) for point in y[:4]])
     np.testing.assert_allclose(got[:4] - got[0], wanted - wanted[0], rtol=1e-6, atol=1e-5)
+
+
+def test_a_models_own_error_is_no_scatter_that_residuals_would_show():
+    """Residuals say that it is a tenth; the intervals stay what the fit's deviations are."""
+    fixed = {p.name: p for p in two_free().parameters if p.fixed}
+    curves = noisy(0)
+    error = tuple(
+        10.0 * float(np.median(np.asarray(std) / np.asarray(value)))
+        for std, value in (
+            (curves.frequency_std, curves.frequency),
+            (curves.damping_std, curves.damping),
+        )
+    )
+    found = fit("iwan4", curves, fixed, model_error=error, starts=4)
+    assert found.misfit < 0.2
+    walked = walk(found)
+    for name in SCALES:
+        assert walked.samples[name].min() >= 1.0
+        assert walked.samples[name].max() < 1.5
+    for name in FREE:
+        assert walked.samples[name].std() == pytest.approx(found.std[name], rel=0.1)
 
 
 def test_a_prior_counts(posterior):
