@@ -28,7 +28,7 @@ from iwanjax.updating.coupling import (
     refuse_ruled,
 )
 from iwanjax.updating.joint_groups import structural_parameters
-from iwanjax.updating.microslip import microslip
+from iwanjax.updating.microslip import left_open, microslip
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.model_error import ModelError, model_error_of, with_model_error
 from iwanjax.updating.most_probable import MostProbable
@@ -300,7 +300,10 @@ def solve(
         covariance=sure.covariance,
         derived=sure.derived,
         undetermined=sure.undetermined,
-        determined=sure.determined,
+        determined={
+            name: known and not left_open(name, alike.reaches)
+            for name, known in sure.determined.items()
+        },
         rivals=sure.rivals,
         active_bounds=active,
         reaches=alike.reaches,

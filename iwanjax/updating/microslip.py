@@ -184,3 +184,12 @@ def _moved(
         for name, i in place.positions.items():
             moved[i] = joint[name]
     return moved
+
+
+def left_open(name: str, reaches: Mapping[str, float]) -> bool:
+    """Whether microslip leaves a quantity open of a joint that ``reaches`` names.
+
+    That is all but K_T, chi and R: priors alone say how far macroslip is.
+    """
+    owner, _, quantity = name.rpartition(".")
+    return owner in reaches and quantity in ("F_S", "beta", "S", "phi_max")

@@ -16,6 +16,7 @@ from iwanjax.results import AbstractResult, with_std
 from iwanjax.tables import Block, Grid
 from iwanjax.types import compiled_for_one_call
 from iwanjax.updating.coupling import ModalCoupling
+from iwanjax.updating.microslip import left_open
 from iwanjax.updating.model_error import ModelError
 from iwanjax.updating.problem import AbstractProblem
 
@@ -77,7 +78,8 @@ class FitSolution(AbstractResult):
         Parameters that the data would move beyond a bound, and the bound.
     reaches : dict of str to float
         Largest deflection of each Iwan joint (or group; a mode's only one has no name) that the
-        curves may leave in microslip: its phi_max is that or more, and no more is known of it.
+        curves may leave in microslip: its phi_max is that or more, and no more is known of it, nor
+        are F_S, beta and S determined.
     misfit : float
         Root of chi^2 per degree of freedom: 1 where the model explains the curves to
         their stated deviations.
@@ -182,7 +184,7 @@ class FitSolution(AbstractResult):
     def follows(self, name: str) -> bool:
         """Whether a derived quantity is determined: known to a third of itself."""
         value, std = self.derived[name]
-        return std < _DETERMINED * abs(value) and self.least(name) is None
+        return std < _DETERMINED * abs(value) and not left_open(name, self.reaches)
 
     def least(self, name: str) -> float | None:
         """Lower bound of a derived phi_max that the curves do not determine, else None."""

@@ -412,6 +412,10 @@ def test_microslip_determines_r_and_a_lower_bound_of_phi_max(guess, seed):
     assert reach < 0.7 * float(JOINT.phi_max)
     assert found.reaches["J1"] == pytest.approx(reach, rel=0.01)
     assert found.least("J1.phi_max") == found.reaches["J1"]
+    # Whatever the priors narrow them to.
+    assert not found.determined["J1.F_S"]
+    assert not found.determined["J1.beta"]
+    assert not found.follows("J1.S")
     assert found.follows("J1.R")
     assert not found.determined["J1.F_S"]
     for name in ("R", "S"):
