@@ -1,5 +1,6 @@
 """Every notebook runs to its last assertion, and is stored without what running adds."""
 
+import os
 import re
 import warnings
 from pathlib import Path
@@ -69,7 +70,8 @@ def test_it_runs(path, request):
         warnings.simplefilter("ignore")
         client = nbclient.NotebookClient(
             read(path),
-            timeout=LIMIT_LONG if path.stem in LONG else LIMIT,
+            # Some run in full with the long tests and in a reduced size without.
+            timeout=LIMIT_LONG if os.environ.get("IWANJAX_LONG") == "1" else LIMIT,
             kernel_name="python3",
             resources={"metadata": {"path": str(FOLDER)}},
         )
