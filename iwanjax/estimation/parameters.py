@@ -2,6 +2,7 @@
 
 import math
 import numbers
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -15,6 +16,9 @@ from iwanjax.estimation.priors import AbstractPrior
 from iwanjax.estimation.transforms import Transform, to_value, to_variable
 from iwanjax.files import nearest
 from iwanjax.types import real
+
+# Beyond it the logistic function is 0 or 1 to the last digit of a double.
+_SATURATED = -math.log(sys.float_info.epsilon)
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,9 @@ class Chart(eqx.Module):
         """Parameter values of the free variables."""
         values = list(self.value)
         for i, each in zip(self.free, z, strict=True):
+            if self.transforms[i] == "logit":
+                # On a bound itself, as chi = -1, a law may mean nothing.
+                each = jnp.clip(each, -_SATURATED, _SATURATED)
             values[i] = to_value(self.transforms[i], each, self.lower[i], self.upper[i])
         return jnp.stack(values) if values else self.value
 
