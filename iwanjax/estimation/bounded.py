@@ -122,8 +122,10 @@ def bounded(
     try:
         found = solver.run(begin, box, problem)
         params, success, evaluations = found.params, found.state.success, found.state.num_fun_eval
-    except ValueError:
+    except ValueError as error:
         # Where slopes overflow SciPy knows no step, and says so by this alone.
+        if "infs or NaNs" not in str(error):
+            raise
         params, success, evaluations = begin, False, 1
     inside = np.array(_from_box(chart, params))
     # SciPy stays strictly inside; a bound is the estimate if it costs nothing to go there.

@@ -217,8 +217,12 @@ def refuse_lost(parameters: Sequence[Parameter], active: Container[str]) -> None
             )
 
 
-def refuse_ruled(coupling: Sequence[ModalCoupling], curves: Sequence[ModalCurves]) -> None:
+def refuse_ruled(
+    coupling: Sequence[ModalCoupling], curves: Sequence[ModalCurves], settled: bool
+) -> None:
     """Curves that others rule hold no joint: several ends explain them, each with its own share.
+
+    A fit by turns between such ends goes from one to the next, and does not settle.
 
     Raises
     ------
@@ -231,3 +235,8 @@ def refuse_ruled(coupling: Sequence[ModalCoupling], curves: Sequence[ModalCurves
                 f"fit: what other modes do to mode {own.mode} is {share:.1f} times the damping "
                 f"that was measured, in the middle of its levels: they rule its joints. {_INSTEAD}"
             )
+    if not settled:
+        raise InputError(
+            "fit: what the modes do to one another still changes from one fit to the next: they "
+            f"rule one another's curves. {_INSTEAD}"
+        )

@@ -235,8 +235,8 @@ def _coupled(
         rounds += 1
         settled = all(new.settled(each) for new, each in zip(now, curves, strict=True))
         if (settled and runs == starts) or rounds == _ROUNDS:
-            refuse_ruled(now, curves)
-            return replace(solution, converged=solution.converged and settled)
+            refuse_ruled(now, curves, settled)
+            return solution
         # From where it stands: of other ends that are as good it would find another each time.
         # What has settled is looked at from everywhere once more.
         # Half the way, for a curve that was given too much is given too little next.
