@@ -1,7 +1,5 @@
 """The density that a posterior is sampled from, in the variables of its problem."""
 
-import math
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.estimation.priors import AbstractPrior
+from iwanjax.types import ArrayLike
 from iwanjax.updating.problem import AbstractProblem
 from iwanjax.updating.solution import FitSolution
 
@@ -20,7 +19,7 @@ _NOISE_SIGMA = 1.0
 
 
 class Density(eqx.Module):
-    r"""Logarithm of the posterior density of (z, ln s_f, ln s_zeta).
+    r"""Logarithm of the posterior density of the variables of the problem and of two noise scales.
 
     .. math:: -\frac12\sum\left(\frac{r_f}{s_f}\right)^2 - N\ln s_f
               -\frac12\sum\left(\frac{r_\zeta}{s_\zeta}\right)^2 - N\ln s_\zeta
@@ -31,26 +30,28 @@ class Density(eqx.Module):
     too small or too large, with log-normal priors about 1. Where the model leaves
     something out they grow, and the intervals with them. Where the deviations hold a model's own
     error, or doubt about other modes, they do not shrink: neither is scatter that residuals show.
+    What is sampled of a scale is :math:`\ln s`, or :math:`\ln\ln s` where it is at least 1 (most
+    steps of a walk in :math:`\ln s` would end beyond that bound).
 
     Attributes
     ----------
     problem : AbstractProblem
     priors : tuple of AbstractPrior
         Of the parameters that move.
-    least : scalar
-        Of the logarithms of the scales.
+    at_least_one : bool
+        Whether the scales are.
     """
 
     problem: AbstractProblem
     priors: tuple[AbstractPrior, ...]
-    least: Float[Array, ""]
+    at_least_one: bool = eqx.field(static=True)
 
     def at(self, y: Float[Array, " variables"], f: Array, zeta: Array) -> Float[Array, ""]:
         """Log density up to a constant; minus infinity where there is none.
 
         ``f`` and ``zeta`` are what the problem predicts there, (N,) each.
         """
-        z, log_scales = y[:-2], y[-2:]
+        z, log_scales = y[:-2], self.log_scales(y[-2:])
         free = np.array(self.problem.chart.free)
         theta = self.problem.to_values(z)
         slopes = jax.jacfwd(self.problem.to_values)(z)[free]
@@ -62,8 +63,10 @@ class Density(eqx.Module):
         inside = jnp.all(
             (theta[free] >= self.problem.chart.lower[free])
             & (theta[free] <= self.problem.chart.upper[free])
-        ) & jnp.all(log_scales >= self.least)
+        )
         noise = -0.5 * jnp.sum((log_scales / _NOISE_SIGMA) ** 2)
+        if self.at_least_one:
+            noise += jnp.sum(y[-2:])
         kinds = self.problem.compared(f, zeta)
         data = sum(
             (
@@ -82,8 +85,21 @@ class Density(eqx.Module):
         return cls(
             solution.problem,
             tuple(p.prior for p in solution.parameters if not p.fixed),
-            jnp.asarray(0.0 if systematic else -jnp.inf),
+            systematic,
         )
+
+    def log_scales(self, variables: ArrayLike) -> Array:
+        """Logarithms of scales."""
+        return jnp.exp(variables) if self.at_least_one else variables
+
+    def scale_starts(self, misfits: tuple[float, float], random: np.random.Generator) -> np.ndarray:
+        """Variables of both scales about what a fit's misfits say, (2,)."""
+        log = np.log(np.maximum(misfits, 0.1))
+        if self.at_least_one:
+            # Of N residuals that scatter as stated or less, ln s is 1 / N or so, give or take that.
+            log = np.log(np.maximum(log, 1.0 / self.problem.measured.q.size))
+            return log + random.standard_normal(2)
+        return log + 0.1 * random.standard_normal(2)
 
 
 @eqx.filter_jit
@@ -107,8 +123,3 @@ def spread_of(
     free = np.array(problem.chart.free)
     slopes = jax.jacfwd(problem.to_variables)(theta)[:, free]
     return slopes @ root
-
-
-def log_scale(misfit: float) -> float:
-    """Where a walk starts for the logarithm of a noise scale."""
-    return math.log(max(misfit, 0.1))

@@ -154,7 +154,7 @@ def update_linear(
         shapes=jnp.asarray(shapes / np.sqrt(np.mean(shapes**2, axis=0))),
         frequency=jnp.asarray(measured.frequency),
         frequency_std=jnp.asarray(measured.frequency_std),
-        shape_std=math.inf if measured.shapes is None else measured.shape_std,
+        shape_std=None if measured.shapes is None else jnp.asarray(measured.shape_std),
         middle=jnp.asarray(prior.mean(axis=0)),
         spread=jnp.asarray(prior.std(axis=0)),
         logarithmic=logarithmic,

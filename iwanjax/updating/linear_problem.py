@@ -1,6 +1,5 @@
 """Measured low-amplitude modes, and a model's modes beside them."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,8 +33,10 @@ class MeasuredModes(AbstractResult):
         Standard deviation, Hz.
     shapes : (s, k) array_like, optional
         Real shapes at the sensors, each to any scale.
-    shape_std : float
-        Standard deviation of a shape's components, as share of its root mean square.
+    shape_std : float or (k,) array_like
+        Standard deviation of a shape's components, as share of its root mean square. Both
+        deviations are those of all that may keep a model from the measurement: noise, and what a
+        mesh or a reduction twice as fine would change.
 
     Raises
     ------
@@ -54,14 +55,14 @@ class MeasuredModes(AbstractResult):
     frequency: np.ndarray
     frequency_std: np.ndarray
     shapes: np.ndarray | None
-    shape_std: float
+    shape_std: np.ndarray
 
     def __init__(
         self,
         frequency: ArrayLike,
         frequency_std: ArrayLike,
         shapes: ArrayLike | None = None,
-        shape_std: float = 0.05,
+        shape_std: ArrayLike = 0.05,
     ):
         f = np.atleast_1d(finite_array(frequency, "frequency"))
         std = finite_array(frequency_std, "frequency_std")
@@ -83,12 +84,20 @@ class MeasuredModes(AbstractResult):
             )
         if psi is not None and not np.all(np.any(psi != 0, axis=0)):
             raise InputError("MeasuredModes: a shape is zero throughout")
-        if not shape_std > 0:
-            raise InputError(f"MeasuredModes: shape_std = {shape_std:g}; expected a positive share")
+        share = finite_array(shape_std, "shape_std")
+        if share.shape not in ((), f.shape):
+            raise InputError(
+                f"MeasuredModes: shape_std has shape {share.shape}; expected one share, or one "
+                f"for each of {f.size} frequencies"
+            )
+        if not np.all(share > 0):
+            raise InputError(
+                f"MeasuredModes: shape_std holds {share.min():g}; expected a positive share"
+            )
         object.__setattr__(self, "frequency", f)
         object.__setattr__(self, "frequency_std", np.broadcast_to(std, f.shape))
         object.__setattr__(self, "shapes", psi)
-        object.__setattr__(self, "shape_std", float(shape_std))
+        object.__setattr__(self, "shape_std", np.broadcast_to(share, f.shape))
 
 
 class Matched(eqx.Module):
@@ -125,8 +134,8 @@ class LinearProblem(AbstractLeastSquares):
         That modes are recognised by, of root mean square 1.
     frequency, frequency_std : (k,) array
         Hz.
-    shape_std : float
-        Share of a shape's root mean square; infinite where shapes are not data.
+    shape_std : (k,) array, optional
+        Share of a shape's root mean square; None where shapes are not data.
     middle, spread : (free,) array
         Of the priors: of the logarithm for what is moved by its logarithm.
     logarithmic : tuple of bool
@@ -139,7 +148,7 @@ class LinearProblem(AbstractLeastSquares):
     shapes: Float[Array, "r k"]
     frequency: Float[Array, " k"]
     frequency_std: Float[Array, " k"]
-    shape_std: float = eqx.field(static=True)
+    shape_std: Float[Array, " k"] | None
     middle: Float[Array, " free"]
     spread: Float[Array, " free"]
     logarithmic: tuple[bool, ...] = eqx.field(static=True)
@@ -161,17 +170,21 @@ class LinearProblem(AbstractLeastSquares):
         )
 
     def differences(self, theta: Float[Array, " parameters"]) -> tuple[Array, Array]:
-        """Frequencies' (k,) and shapes' (r, k) differences over their deviations."""
+        """Frequencies' (k,) and shapes' (r, k) differences over their deviations.
+
+        The shapes' are zero where they are not data.
+        """
         found = self.matched(theta)
         frequency = (found.frequency - self.frequency) / self.frequency_std
         # Each shape at the scale that suits the measured one best.
         scale = jnp.sum(found.shapes * self.shapes, axis=0) / jnp.sum(found.shapes**2, axis=0)
-        return frequency, (scale * found.shapes - self.shapes) / self.shape_std
+        off = scale * found.shapes - self.shapes
+        return frequency, jnp.zeros_like(off) if self.shape_std is None else off / self.shape_std
 
     def data(self, theta: Float[Array, " parameters"]) -> Array:
         """Differences that count, in one row."""
         frequency, shapes = self.differences(theta)
-        if math.isinf(self.shape_std):
+        if self.shape_std is None:
             return frequency
         return jnp.concatenate([frequency, shapes.ravel()])
 

@@ -3,6 +3,8 @@
 import hashlib
 import math
 import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,11 +17,11 @@ import numpy as np
 from tqdm import tqdm
 
 from iwanjax.errors import InputError
+from iwanjax.threads import available_threads
 from iwanjax.updating.density import (
     NOISE_SCALES,
     Density,
     log_densities,
-    log_scale,
     spread_of,
     values_of,
 )
@@ -35,6 +37,8 @@ _BURNT = 8.0
 # mean square, a quarter 0.32 and 0.9 times.
 _RARE = 0.1
 _GROUP = "posterior"
+
+_LogDensities = Callable[[np.ndarray], np.ndarray]
 
 
 def sample_posterior(
@@ -105,7 +109,8 @@ def sample_posterior(
             f"sample_posterior: walkers = {walkers}; expected an even number, at least {2 * size}"
         )
     kept = _Kept(Path(file), solution, walkers) if file is not None else None
-    walking = partial(_sampler, density, walkers, size)
+    evaluate = _side_by_side(density, walkers // 2)
+    walking = partial(_sampler, evaluate, walkers, size)
     sampler = walking()
     if kept:
         kept.read(sampler.backend)
@@ -115,7 +120,7 @@ def sample_posterior(
     else:
         np_random = np.random.default_rng(seed)
         state = emcee.State(
-            _starts(density, solution, walkers, np_random),
+            _starts(evaluate, density, solution, walkers, np_random),
             random_state=np.random.RandomState(seed).get_state(),
         )
     chain = _Chain(sampler, effective)
@@ -137,7 +142,8 @@ def sample_posterior(
     names = tuple(solution.parameters[i].name for i in problem.chart.free) + NOISE_SCALES
     flat = chain.kept.reshape(-1, size)
     theta = np.asarray(values_of(problem, jnp.asarray(flat[:, :-2])))
-    values = np.concatenate([theta[:, list(problem.chart.free)], np.exp(flat[:, -2:])], axis=1)
+    scales = np.exp(density.log_scales(flat[:, -2:]))
+    values = np.concatenate([theta[:, list(problem.chart.free)], scales], axis=1)
     return Posterior(
         names=names,
         chain=values.reshape(chain.kept.shape),
@@ -243,8 +249,8 @@ def _fingerprint(solution: FitSolution, walkers: int) -> str:
     """Of all that the density depends on."""
     density = Density.of(solution)
     static = jax.tree.structure(density.problem)
-    digest = hashlib.sha256(f"{walkers} {static}".encode())
-    for leaf in (*jax.tree.leaves(density.problem), density.least):
+    digest = hashlib.sha256(f"{walkers} {density.at_least_one} {static}".encode())
+    for leaf in jax.tree.leaves(density.problem):
         digest.update(np.ascontiguousarray(leaf, dtype=float).tobytes())
     for p in solution.parameters:
         # The estimate itself only says where a walk starts.
@@ -253,30 +259,44 @@ def _fingerprint(solution: FitSolution, walkers: int) -> str:
     return digest.hexdigest()
 
 
-def _sampler(
-    density: Density, walkers: int, size: int, begun: emcee.backends.Backend | None = None
-) -> emcee.EnsembleSampler:
-    """Vectorised over half of the walkers, which is what the moves ask for at a time.
+def _side_by_side(density: Density, together: int) -> _LogDensities:
+    """Log densities of points (points, variables), so many asked for at a time, on all cores.
 
-    What was begun goes on with steps that its first ones have shown to be of a good length.
+    XLA evaluates a batch of this size on one core, so that each core has a piece of it.
     """
-    half = walkers // 2
-    step = 2.38 / math.sqrt(2.0 * size)  # ter Braak (2006), of a normal distribution
-    if begun is not None and _taken(begun) < _RARE:
-        step *= 0.5
-    # A call takes 2 ms and there are thousands: the density's arrays go in as a plain list, which
-    # saves taking it apart every time.
+    threads = available_threads()
+    piece = math.ceil(together / threads)
+    # A call takes milliseconds and there are thousands: the density's arrays go in as a plain list,
+    # which saves taking it apart every time.
     arrays, rest = eqx.partition(density, eqx.is_array)
     leaves, tree = jax.tree.flatten(arrays)
 
     @jax.jit
-    def of_some(leaves: list[jax.Array], y: jax.Array) -> jax.Array:
+    def of_piece(leaves: list[jax.Array], y: jax.Array) -> jax.Array:
         return log_densities(eqx.combine(jax.tree.unflatten(tree, leaves), rest), y)
 
-    def evaluate(y: np.ndarray) -> np.ndarray:
-        parts = [np.asarray(of_some(leaves, y[i : i + half])) for i in range(0, len(y), half)]
-        return np.concatenate(parts)
+    pool = ThreadPoolExecutor(threads)
 
+    def evaluate(y: np.ndarray) -> np.ndarray:
+        # Pieces of one size: another would be compiled anew.
+        filled = np.pad(y, ((0, -len(y) % piece), (0, 0)), mode="edge")
+        pieces = filled.reshape(-1, piece, y.shape[1])
+        found = pool.map(lambda each: np.asarray(of_piece(leaves, each)), pieces)
+        return np.concatenate(list(found))[: len(y)]
+
+    return evaluate
+
+
+def _sampler(
+    evaluate: _LogDensities, walkers: int, size: int, begun: emcee.backends.Backend | None = None
+) -> emcee.EnsembleSampler:
+    """The walkers with their moves.
+
+    What was begun goes on with steps that its first ones have shown to be of a good length.
+    """
+    step = 2.38 / math.sqrt(2.0 * size)  # ter Braak (2006), of a normal distribution
+    if begun is not None and _taken(begun) < _RARE:
+        step *= 0.5
     # Not the snooker: in emcee 3.1.6 it does not leave a normal distribution as it is.
     moves = [
         (emcee.moves.DEMove(gamma0=step), 0.8),
@@ -295,7 +315,11 @@ def _taken(begun: emcee.backends.Backend) -> float:
 
 
 def _starts(
-    density: Density, solution: FitSolution, walkers: int, random: np.random.Generator
+    evaluate: _LogDensities,
+    density: Density,
+    solution: FitSolution,
+    walkers: int,
+    random: np.random.Generator,
 ) -> np.ndarray:
     """Walkers about the estimate with its own covariance, all where the density is not zero."""
     problem = solution.problem
@@ -305,9 +329,7 @@ def _starts(
     values, vectors = np.linalg.eigh(solution.covariance[np.ix_(free, free)])
     root = jnp.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
     spread = np.asarray(spread_of(problem, theta, root))
-    scales = [log_scale(solution.misfit_frequency), log_scale(solution.misfit_damping)]
-    # A little above the least, so that most walkers start there and are spread.
-    scales = np.maximum(scales, float(density.least) + 0.2)
+    misfits = (solution.misfit_frequency, solution.misfit_damping)
     found = np.empty((0, len(free) + 2))
     # On a bound the variable is far out: start where the slope of its map still counts.
     center = np.clip(center, *_reach(solution))
@@ -315,11 +337,9 @@ def _starts(
     while len(found) < walkers:
         z = center + shrink * random.standard_normal((walkers, len(free))) @ spread.T
         z = z + 1e-3 * random.standard_normal(z.shape) * _on_bound(solution)
-        y = np.concatenate([z, scales + 0.1 * random.standard_normal((walkers, 2))], axis=1)
-        half = walkers // 2
-        log = np.concatenate(
-            [np.asarray(log_densities(density, jnp.asarray(part))) for part in (y[:half], y[half:])]
-        )
+        scales = [density.scale_starts(misfits, random) for _ in range(walkers)]
+        y = np.concatenate([z, scales], axis=1)
+        log = evaluate(y)
         found = np.concatenate([found, y[np.isfinite(log)]])
         shrink *= 0.7
         if shrink < 1e-6:

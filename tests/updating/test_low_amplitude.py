@@ -93,6 +93,20 @@ def test_deviations_cover_the_truth(truth):
     assert 0.55 < np.sqrt(np.mean(np.square(pulls))) < 1.45
 
 
+def test_a_shape_that_the_model_cannot_follow_may_count_less(truth):
+    """One deviation for each mode: the joint is less far off the less a wrong shape is believed."""
+    f, shapes = truth
+    wrong = shapes * np.array([1.0, 1.0, 1.0, 1.05])[:, None] ** [[0, 0, 0, 1]]
+    off = []
+    for last in (0.001, 0.1):
+        share = [0.001, 0.001, 0.001, last]
+        told = update_linear(
+            family(), MeasuredModes(f, 0.01, wrong, share), PARAMETERS, sensors=SENSORS
+        )
+        off.append(abs(told.values["joint"] / TRUE["joint"] - 1.0))
+    assert off[1] < 0.1 * off[0]
+
+
 def test_modes_are_followed_where_frequencies_cross():
     """Two oscillators, one stiffer than the other at the start, the other way in truth."""
     terms = {"a": spring([1.0, 0.0]), "b": spring([0.0, 1.0])}
@@ -171,7 +185,8 @@ def test_wrong_arguments_are_refused(truth, change, message):
         ({"frequency_std": [0.1]}, "one of each for each mode"),
         ({"shapes": np.ones((3, 1))}, r"expected \(sensors, 2\)"),
         ({"shapes": np.zeros((3, 2))}, "zero throughout"),
-        ({"shapes": np.ones((3, 2)), "shape_std": 0.0}, "shape_std = 0"),
+        ({"shapes": np.ones((3, 2)), "shape_std": 0.0}, "shape_std holds 0"),
+        ({"shapes": np.ones((3, 2)), "shape_std": [0.1] * 3}, r"shape_std has shape \(3,\)"),
     ],
 )
 def test_wrong_measurements_are_refused(given, message):

@@ -22,7 +22,7 @@ from updating.simulated import LEVELS, NAMES, TRUTH, clean, noisy
 import iwanjax as ij
 from iwanjax.errors import InputError
 from iwanjax.estimation import LogNormal
-from iwanjax.updating import fit, modal_parameters
+from iwanjax.updating import fit, modal_parameters, sampling
 from iwanjax.updating.density import Density, log_densities
 from iwanjax.updating.sampling import sample_posterior
 
@@ -64,9 +64,9 @@ def steps(found):
     return found.burnt + len(found.chain)
 
 
-def scale_moments(cost):
+def scale_moments(cost, least=-3.0):
     """Mean of ln s and of s^2 where the data are N, less one for the parameter beside it."""
-    log = np.linspace(-3.0, 3.0, 20001)
+    log = np.linspace(least, 3.0, 60001)
     density = -0.5 * log**2 - (LEVELS - 1) * log - 0.5 * cost * np.exp(-2 * log)
     weight = np.exp(density - density.max())
     weight /= weight.sum()
@@ -271,11 +271,21 @@ def test_a_models_own_error_is_no_scatter_that_residuals_would_show():
     found = fit("iwan4", curves, fixed, model_error=error, starts=4)
     assert found.misfit < 0.2
     walked = walk(found)
-    for name in SCALES:
+    costs = [float(np.sum(np.asarray(r) ** 2)) for r in found.problem.differences(values(found))]
+    for name, cost in zip(SCALES, costs, strict=True):
         assert walked.samples[name].min() >= 1.0
-        assert walked.samples[name].max() < 1.5
+        mean, std, _ = scale_moments(cost, least=0.0)
+        log, n = np.log(walked.samples[name]), walked.effective[name]
+        assert abs(log.mean() - mean) < SIGMAS * std / np.sqrt(n)
+        assert log.std() == pytest.approx(std, rel=SIGMAS * 1.5 / np.sqrt(2 * n))
     for name in FREE:
         assert walked.samples[name].std() == pytest.approx(found.std[name], rel=0.1)
+
+
+def test_pieces_of_the_walkers_are_the_whole(posterior, monkeypatch):
+    """However many cores there are, and whether or not they divide the walkers."""
+    monkeypatch.setattr(sampling, "available_threads", lambda: 5)
+    same_statistics(walk(), posterior)
 
 
 def test_a_prior_counts(posterior):
