@@ -1,5 +1,9 @@
 """Many Levenberg-Marquardt runs of residuals that are compiled whole, by optimistix."""
 
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,37 +11,73 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.estimation.problem import AbstractLeastSquares, residuals_and_slopes_in_variables
+from iwanjax.threads import available_threads
+
+_Found = TypeVar("_Found")
+
+# What one run finds: values, variables, cost, whether it converged, steps.
+_End = tuple[Array, Array, Array, Array, Array]
 
 
-@eqx.filter_jit
 def best_of_neighbours(
     problem: AbstractLeastSquares, draws: Float[Array, "starts parameters"], runs: int
-) -> Float[Array, "runs free"]:
+) -> Float[np.ndarray, "runs free"]:
     """Variables of the best start in each of so many groups of neighbours.
 
     Every start gets what the problem can do for it at once. The best of all may lie in one wide
     valley beside a narrow deeper one, so that each group has one.
     """
-
-    def cost(z: Array) -> Array:
-        found = jnp.sum(problem.residuals(problem.to_values(z)) ** 2)
-        return jnp.where(jnp.isfinite(found), found, jnp.inf)
-
-    z = jax.vmap(lambda theta: problem.to_variables(problem.improved(theta)))(draws)
-    costs = jax.vmap(cost)(z)
-    groups = np.array_split(np.arange(len(draws)), runs)
-    return jnp.stack([z[group[0] + jnp.argmin(costs[group])] for group in groups])
+    seen = _side_by_side(lambda theta: _improved(problem, theta), draws)
+    z, costs = (np.stack(each) for each in zip(*seen, strict=True))
+    groups = np.array_split(np.arange(len(z)), runs)
+    return np.stack([z[group[np.argmin(costs[group])]] for group in groups])
 
 
-@eqx.filter_jit
 def run_all(
     problem: AbstractLeastSquares,
     draws: Float[Array, "starts parameters"],
     runs: int,
+    tolerance: float,
+    most_steps: int,
+) -> list[_End]:
+    """Ends of runs from the best starts."""
+    # As an array: a search to another tolerance is not compiled again.
+    precision = jnp.asarray(tolerance)
+    begin = best_of_neighbours(problem, draws, runs)
+    return _side_by_side(lambda z: _run(problem, z, precision, most_steps), begin)
+
+
+def _side_by_side(of: Callable[[Any], _Found], each: Iterable[Any]) -> list[_Found]:
+    """Results for all, by a compiled function of one: on all cores, and compiled once.
+
+    A batch of all of them would go through as many steps as its slowest takes, on one core, and a
+    batch of another size, as a single run from where the last ones ended, would be compiled again.
+    """
+    first, *others = each
+    found = [jax.block_until_ready(of(first))]
+    with ThreadPoolExecutor(available_threads()) as pool:
+        found += pool.map(lambda one: jax.block_until_ready(of(one)), others)
+    return found
+
+
+@eqx.filter_jit
+def _improved(
+    problem: AbstractLeastSquares, theta: Float[Array, " parameters"]
+) -> tuple[Array, Array]:
+    """Variables of a start with what the problem can do for it at once, and its cost."""
+    z = problem.to_variables(problem.improved(theta))
+    cost = jnp.sum(problem.residuals(problem.to_values(z)) ** 2)
+    return z, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+
+
+@eqx.filter_jit
+def _run(
+    problem: AbstractLeastSquares,
+    z: Float[Array, " free"],
     tolerance: Float[Array, ""],
     most_steps: int,
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Values, variables, cost, whether it converged and steps of each run from the best starts."""
+) -> _End:
+    """One run's end."""
     import optimistix as optx  # here, because few need it and it is slow to import
 
     solver = optx.LevenbergMarquardt(tolerance, tolerance)  # type: ignore[arg-type]
@@ -53,19 +93,14 @@ def run_all(
         found, slopes = residuals_and_slopes_in_variables(problem, *z)
         return found, slopes @ way[0]
 
-    def run(z: Array) -> tuple[Array, Array, Array, Array, Array]:
-        found = optx.least_squares(
-            lambda z, _: residuals(z), solver, z, max_steps=most_steps, throw=False
-        )
-        return (
-            problem.to_values(found.value),
-            found.value,
-            # What its last accepted step has found: half the sum of squares.
-            jnp.where(jnp.isfinite(ends := 2.0 * found.state.f_info.as_min()), ends, jnp.inf),
-            found.result == optx.RESULTS.successful,
-            jnp.asarray(found.stats["num_steps"]),
-        )
-
-    # One after the other: on few cores as quick as side by side, and compiled in a third of
-    # the time.
-    return jax.lax.map(run, best_of_neighbours(problem, draws, runs))
+    found = optx.least_squares(
+        lambda z, _: residuals(z), solver, z, max_steps=most_steps, throw=False
+    )
+    return (
+        problem.to_values(found.value),
+        found.value,
+        # What its last accepted step has found: half the sum of squares.
+        jnp.where(jnp.isfinite(ends := 2.0 * found.state.f_info.as_min()), ends, jnp.inf),
+        found.result == optx.RESULTS.successful,
+        jnp.asarray(found.stats["num_steps"]),
+    )

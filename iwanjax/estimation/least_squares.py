@@ -66,20 +66,19 @@ def least_squares(
     """
     tolerance = settings.tolerance if tolerance is None else tolerance
     if method == "optimistix":
-        # As an array: a search to another tolerance is not compiled again.
-        ends = run_all(problem, draws, runs, jnp.asarray(tolerance), settings.most_steps)
-        rows = zip(*(np.asarray(each) for each in ends), strict=True)
         return tuple(
             LeastSquaresSolution(
-                values=values,
-                x=x,
+                values=np.asarray(values),
+                x=np.asarray(x),
                 cost=float(cost),
                 converged=bool(converged),
                 iterations=int(steps),
                 method=method,
-                at_bounds=resting(problem, values, settings),
+                at_bounds=resting(problem, np.asarray(values), settings),
             )
-            for values, x, cost, converged, steps in rows
+            for values, x, cost, converged, steps in run_all(
+                problem, draws, runs, tolerance, settings.most_steps
+            )
         )
     if method == "jaxopt":
         begin = [np.asarray(problem.to_values(z)) for z in best_of_neighbours(problem, draws, runs)]
@@ -99,7 +98,7 @@ def _by_the_host(
     settings: SearchSettings,
 ) -> tuple[LeastSquaresSolution, ...]:
     """Runs of the host's search, in the problem's variables."""
-    begin = np.asarray(best_of_neighbours(problem, draws, runs))
+    begin = best_of_neighbours(problem, draws, runs)
     size = begin.shape[1]
     layout = Layout(np.zeros((1, size)), np.eye(size)[None], np.zeros(size))
     measured, _ = residuals_and_slopes_in_variables(problem, begin[0])

@@ -13,6 +13,7 @@ from jaxtyping import Array
 from iwanjax.curves import ModalCurves
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.types import compiled_for_one_call
+from iwanjax.updating.solution import point
 
 if TYPE_CHECKING:
     from iwanjax.updating.problem import AbstractProblem
@@ -64,7 +65,7 @@ def columns_of(solution: "FitSolution", held_out: Sequence[ModalCurves] = ()) ->
         line = _smooth(solution, (*solution.measured, *held_out))
         explained = (*solution.predicted, *theirs)
         return [Column(solution.measured, tuple(held_out), explained, line, shift)]
-    _, deviations = _with_deviations(solution)
+    deviations = _at_levels(solution)
     columns = []
     for curve, predicted, part in zip(
         solution.measured, solution.predicted, solution.problem.measured.slices, strict=True
@@ -109,41 +110,46 @@ def _smooth(solution: "FitSolution", hits: Sequence[ModalCurves]) -> ModalCurves
     return line.as_quantity(hits[0].quantity, hits[0].unit)
 
 
-def _with_deviations(
-    solution: "FitSolution", q: Array | None = None
-) -> tuple[tuple[Array, Array], tuple[np.ndarray, np.ndarray]]:
-    """A prediction, and its deviations from those of the parameters, linearised.
+def _at_levels(solution: "FitSolution") -> tuple[np.ndarray, np.ndarray]:
+    """Deviations of the prediction at the measured levels, from those of the parameters.
 
-    Not by draws from the parameters' normal: along the curved ridges of what the data leave
-    open these would leave the ridge, and the band would show what the data do exclude.
+    By the derivatives that the fit itself has asked for: its kernel is there.
     """
+    problem = solution.problem
+    found = point(problem, jnp.asarray([p.value for p in solution.parameters]))
+    # Of differences over the measured deviations, less what an offset takes up.
+    f, zeta = np.split(np.asarray(found.slope), 2)
+    measured = problem.measured
+    return (
+        _deviation(solution, f * np.asarray(measured.frequency_std)[:, None]),
+        _deviation(solution, zeta * np.asarray(measured.damping_std)[:, None]),
+    )
+
+
+def _with_deviations(
+    solution: "FitSolution", q: Array
+) -> tuple[tuple[Array, Array], tuple[np.ndarray, np.ndarray]]:
+    """An oscillator's prediction, and its deviations from those of the parameters."""
     problem = solution.problem
     theta = jnp.asarray([p.value for p in solution.parameters])
     predicted, slopes = _prediction(problem, theta, q)
     f, zeta = (np.asarray(slope) for slope in slopes)
     if problem.reference == "shift":
-        f = f - _common(
-            problem, f if q is None else np.asarray(_prediction(problem, theta, None)[1][0]), q
-        )
+        # What a parameter does to all measured frequencies alike, which an offset takes up.
+        _, (at_levels, _) = _prediction(problem, theta, None)
+        weight = 1.0 / np.asarray(problem.measured.frequency_std) ** 2
+        f = f - np.average(np.asarray(at_levels), axis=0, weights=weight)
+    return predicted, (_deviation(solution, f), _deviation(solution, zeta))
+
+
+def _deviation(solution: "FitSolution", slopes: np.ndarray) -> np.ndarray:
+    """What the parameters' deviations make of a prediction, linearised, by its derivatives.
+
+    Not by draws from the parameters' normal: along the curved ridges of what the data leave
+    open these would leave the ridge, and the band would show what the data do exclude.
+    """
     covariance = np.asarray(solution.covariance)
-    f_std, zeta_std = (
-        np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slope, covariance, slope), 0.0))
-        for slope in (f, zeta)
-    )
-    return predicted, (f_std, zeta_std)
-
-
-def _common(problem: "AbstractProblem", slopes: np.ndarray, q: Array | None) -> np.ndarray:
-    """What a parameter does to all measured frequencies alike, which an offset takes up."""
-    measured = problem.measured
-    weight = 1.0 / np.asarray(measured.frequency_std) ** 2
-    if q is not None:
-        return np.average(slopes, axis=0, weights=weight)
-    means = [
-        np.broadcast_to(np.average(slopes[part], axis=0, weights=weight[part]), slopes[part].shape)
-        for part in measured.slices
-    ]
-    return np.concatenate(means)
+    return np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, covariance, slopes), 0.0))
 
 
 @compiled_for_one_call

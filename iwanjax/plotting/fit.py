@@ -107,7 +107,7 @@ def plot_fit(solution: "FitSolution", held_out: Sequence[ModalCurves] = ()) -> F
             f.set_title(column.measured[0].name)
     label_panels(panels, columns)
     handles = [
-        *measured_handles(columns),
+        *measured_handles(columns, solution),
         Line2D([], [], color=MODEL, label="model"),
         Patch(facecolor=MODEL, alpha=0.25, label=r"$\pm\sigma$ of the fit"),
     ]
@@ -192,11 +192,13 @@ def set_limits(f: Axes, zeta: Axes, column: Column) -> None:
         zeta.set_ylim(*(np.exp(_widened(np.log(damping))) if wide else _widened(damping)))
 
 
-def measured_handles(columns: Sequence[Column]) -> list[Line2D]:
+def measured_handles(columns: Sequence[Column], solution: "FitSolution") -> list[Line2D]:
     """Legend of the points."""
     count = max(len(column.measured) for column in columns)
     dots = {"linestyle": "", "markersize": 4.0}
     text = "measured" if count == 1 else f"measured, {count} hits"
+    if solution.coupling is not None:
+        text += ", less what other modes did"
     handles = [Line2D([], [], color=MEASURED, marker=".", label=text, **dots)]
     if any(column.held_out for column in columns):
         style = {"marker": "D", "markerfacecolor": "none", "markeredgewidth": 0.7}

@@ -150,7 +150,7 @@ def plot_bands(posterior: "Posterior") -> Figure:
     label_panels(panels, columns)
     figure.legend(
         handles=[
-            *measured_handles(columns),
+            *measured_handles(columns, posterior.solution),
             Line2D([], [], color=MODEL, linewidth=0.9, label="median"),
             Patch(facecolor=MODEL, alpha=0.45, label="50 %"),
             Patch(facecolor=MODEL, alpha=0.2, label="90 %"),

@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.estimation.priors import AbstractPrior
-from iwanjax.types import ArrayLike
 from iwanjax.updating.problem import AbstractProblem
 from iwanjax.updating.solution import FitSolution
 
@@ -88,7 +87,7 @@ class Density(eqx.Module):
             systematic,
         )
 
-    def log_scales(self, variables: ArrayLike) -> Array:
+    def log_scales(self, variables: Array) -> Array:
         """Logarithms of scales."""
         return jnp.exp(variables) if self.at_least_one else variables
 

@@ -199,6 +199,11 @@ def test_a_fit_is_drawn_with_units_and_residuals(solution, hits):
     assert all(ax.get_xscale() == "log" for ax in figure.axes)
 
 
+def test_curves_that_other_modes_were_taken_off_are_called_so(solution):
+    figure = plot_fit(dataclasses.replace(solution, coupling=()))
+    assert texts(figure.legends[0])[0].endswith("measured, 2 hits, less what other modes did")
+
+
 def test_the_model_is_a_smooth_line_over_all_hits(solution, hits):
     held = measured(2, low=1e-6)
     upper, _, lower, _ = plot_fit(solution, [held]).axes
