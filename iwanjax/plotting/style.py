@@ -167,7 +167,7 @@ def mark_amplitude(ax: Axes, x: float, text: str = "", *, rising: bool = False) 
 
 
 def plain_ticks(axis: Axis, low: float, high: float) -> None:
-    """Labels at 1, 2 and 5 where a logarithmic axis spans less than two decades.
+    """Labels at 1, 2 and 5 (1 and 3) where a logarithmic axis spans less than two decades.
 
     Matplotlib's own then run into each other, or there are none. Where fewer than two of these
     are within, labels at round numbers.
@@ -183,6 +183,8 @@ def plain_ticks(axis: Axis, low: float, high: float) -> None:
         axis.set_major_formatter(plain)
     else:
         powers = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        # Written as powers, three in each of several decades run into each other again.
+        wide = low <= _SMALL and high > 10.0 * low
+        axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if wide else (1.0, 2.0, 5.0)))
         axis.set_major_formatter(StrMethodFormatter("{x:g}") if low > _SMALL else powers)
     axis.set_minor_formatter(NullFormatter())

@@ -56,7 +56,8 @@ def test_the_first_suspect_is_nought_behind_itself(behind):
 
 
 @pytest.mark.parametrize(
-    ("low", "high"), [(1.2e-4, 2.8e-4), (2.1e-6, 4.9e-6), (1e-4, 6e-4), (3.0, 4.0), (0.2, 9.0)]
+    ("low", "high"),
+    [(1.2e-4, 2.8e-4), (2.1e-6, 4.9e-6), (1e-4, 6e-4), (1.02e-5, 6e-4), (3.0, 4.0), (0.2, 9.0)],
 )
 def test_a_short_logarithmic_axis_has_a_few_labels_that_keep_apart(low, high):
     figure, ax = plt.subplots(figsize=(3.0, 1.0))
