@@ -13,11 +13,10 @@ from jaxtyping import Array
 from iwanjax.curves import ModalCurves
 from iwanjax.quasistatic.modal import ModalOscillator
 from iwanjax.types import compiled_for_one_call
-from iwanjax.updating.solution import point
+from iwanjax.updating.solution import FitSolution, point
 
 if TYPE_CHECKING:
     from iwanjax.updating.problem import AbstractProblem
-    from iwanjax.updating.solution import FitSolution
 
 # Amplitudes of a smooth line, and how far it goes beyond the measured ones.
 _LEVELS, _BEYOND = 300, 1.15
@@ -57,7 +56,7 @@ class Column:
         return frequency + offset(hit, self.explained[i].frequency) if self.shift else frequency
 
 
-def columns_of(solution: "FitSolution", held_out: Sequence[ModalCurves] = ()) -> list[Column]:
+def columns_of(solution: FitSolution, held_out: Sequence[ModalCurves] = ()) -> list[Column]:
     """What is drawn together: everything for an oscillator, mode by mode for a structure."""
     shift = solution.problem.reference == "shift"
     if isinstance(solution.model, ModalOscillator):
@@ -97,7 +96,7 @@ def _at(model: ModalOscillator, curve: ModalCurves) -> ModalCurves:
     )
 
 
-def _smooth(solution: "FitSolution", hits: Sequence[ModalCurves]) -> ModalCurves:
+def _smooth(solution: FitSolution, hits: Sequence[ModalCurves]) -> ModalCurves:
     """An oscillator's line over the range of the hits, against what they measure."""
     assert isinstance(solution.model, ModalOscillator)
     q = np.concatenate([np.asarray(hit.as_quantity("displacement").amplitude) for hit in hits])
@@ -110,7 +109,7 @@ def _smooth(solution: "FitSolution", hits: Sequence[ModalCurves]) -> ModalCurves
     return line.as_quantity(hits[0].quantity, hits[0].unit)
 
 
-def _at_levels(solution: "FitSolution") -> tuple[np.ndarray, np.ndarray]:
+def _at_levels(solution: FitSolution) -> tuple[np.ndarray, np.ndarray]:
     """Deviations of the prediction at the measured levels, from those of the parameters.
 
     By the derivatives that the fit itself has asked for: its kernel is there.
@@ -127,7 +126,7 @@ def _at_levels(solution: "FitSolution") -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_deviations(
-    solution: "FitSolution", q: Array
+    solution: FitSolution, q: Array
 ) -> tuple[tuple[Array, Array], tuple[np.ndarray, np.ndarray]]:
     """An oscillator's prediction, and its deviations from those of the parameters."""
     problem = solution.problem
@@ -142,7 +141,7 @@ def _with_deviations(
     return predicted, (_deviation(solution, f), _deviation(solution, zeta))
 
 
-def _deviation(solution: "FitSolution", slopes: np.ndarray) -> np.ndarray:
+def _deviation(solution: FitSolution, slopes: np.ndarray) -> np.ndarray:
     """What the parameters' deviations make of a prediction, linearised, by its derivatives.
 
     Not by draws from the parameters' normal: along the curved ridges of what the data leave

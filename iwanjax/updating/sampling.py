@@ -111,7 +111,7 @@ def sample_posterior(
             f"sample_posterior: walkers = {walkers}; expected an even number, at least {2 * size}"
         )
     kept = _Kept(Path(file), solution, walkers) if file is not None else None
-    evaluate = _side_by_side(density, walkers // 2)
+    evaluate = _in_pieces(density, walkers // 2)
     walking = partial(_sampler, evaluate, walkers, size)
     sampler = walking()
     if kept:
@@ -264,7 +264,7 @@ def _fingerprint(solution: FitSolution, walkers: int) -> str:
     return digest.hexdigest()
 
 
-def _side_by_side(density: Density, together: int) -> _LogDensities:
+def _in_pieces(density: Density, together: int) -> _LogDensities:
     """Log densities of points (points, variables), so many asked for at a time, on all cores.
 
     XLA evaluates a batch of this size on one core, so that each core has a piece of it.
