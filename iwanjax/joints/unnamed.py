@@ -1,4 +1,4 @@
-"""A law for what has no name: springs, dampers, sliders, relaxation and yield side by side."""
+"""A law for what has no name: springs, dampers, sliders, yield and masses side by side."""
 
 from pathlib import Path
 from typing import ClassVar, Self
@@ -15,6 +15,7 @@ from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.maxwell import Relaxing
 from iwanjax.joints.sliders import SliderBank
+from iwanjax.joints.unnamed_inertia import Masses
 from iwanjax.joints.unnamed_motion import Unnamed
 from iwanjax.joints.unnamed_parts import CYCLE, Bristles, SplineSpring, YieldingSprings
 from iwanjax.joints.unnamed_terms import (
@@ -32,13 +33,13 @@ from iwanjax.types import ArrayLike, as_real, is_traced, real
 
 
 class UnnamedLaw(AbstractJoint):
-    r"""A general law of a place's own motion: a spring, dampers, sliders, relaxation and yield.
+    r"""A general law of a place's own motion: a spring, dampers, sliders, yield, masses.
 
     With :math:`x = d/D` and :math:`u = v/V`
 
     .. math:: F = S(x) + R(x, u) + \sum_j s_j\,\frac{\sigma_j}{\phi_j}
               + \sum_m r_m\,\frac{q_m}{D} + \sum_l y_l\,\frac{z_l}{\phi_l}
-              + \sum_n b_n w_n
+              + \sum_n b_n w_n + m_0\ddot d + m_2(x^2\ddot d + x\dot d\dot x)
 
     S is a cubic spline through the origin whose slope may change at each knot, R a sum of dampers
     :math:`u/(|u| + \epsilon)`, of both sides of u, :math:`u|u|/(|u| + 0.1)`, :math:`u|u|`,
@@ -49,14 +50,15 @@ class UnnamedLaw(AbstractJoint):
     it falls: they unload straight, which no bank of sliders does. Bristles
     :math:`\phi\dot w = v - |v|\,w/g(u)` yield gradually either way (Dahl 1976), one half of them
     with :math:`g = 1`, the other the more the faster as dry friction does (Canudas de Wit et al.
-    1995), :math:`g = 1/(1 + (10u)^2)`. Beyond D the spring goes on
-    straight, beyond V the quadratic and the cubic damper. All but the spring's strengths are at
-    least zero, so that no closed cycle feeds energy.
+    1995), :math:`g = 1/(1 + (10u)^2)`. There is a mass and one that grows with the deflection, as
+    forces at the acceleration :math:`2\pi V/T`. Beyond D the spring goes on straight, beyond V the
+    quadratic and the cubic damper. All but the spring's strengths are at least zero, so that no
+    closed cycle feeds energy.
 
     Parameters
     ----------
     strengths : (terms,) array_like
-        Force of each term at x = 1 or u = 1, in the order of
+        Force of each term at x = 1, u = 1 or that acceleration, in the order of
         :data:`~iwanjax.joints.unnamed_terms.TERMS`.
     deflection, rate : float
         D, length, and V, length/time: the largest that it was fitted to.
@@ -136,6 +138,7 @@ class UnnamedLaw(AbstractJoint):
             jnp.stack(self.strengths[PARTS["relaxation"]]),
             _yielding(self),
             _bristles(self),
+            _masses(self),
         )
 
     def law(self) -> Law:
@@ -254,6 +257,11 @@ def _yielding(law: UnnamedLaw) -> YieldingSprings:
 def _bristles(law: UnnamedLaw) -> Bristles:
     force = jnp.stack(law.strengths[PARTS["bristles"]])
     return Bristles(force, law.deflection * BRISTLES, jnp.asarray(FADING) / law.rate)
+
+
+def _masses(law: UnnamedLaw) -> Masses:
+    force = jnp.stack(law.strengths[PARTS["inertia"]])
+    return Masses.of(force, law.deflection, law.rate, law.period)
 
 
 def _bank(law: UnnamedLaw) -> SliderBank:

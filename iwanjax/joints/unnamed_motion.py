@@ -6,9 +6,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from iwanjax.joints.attached_oscillator import AttachedState
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 from iwanjax.joints.maxwell import Relaxing, RelaxingState
 from iwanjax.joints.sliders import SliderBank, SliderState
+from iwanjax.joints.unnamed_inertia import Masses
 from iwanjax.joints.unnamed_parts import Bristles, SplineSpring, YieldingSprings
 from iwanjax.joints.unnamed_terms import RATES, RISE
 
@@ -28,6 +30,8 @@ class UnnamedState(NamedTuple):
         Shares of their slip of the yielding springs.
     w : (bristles,) array
         Shares of their slip of the bristles.
+    masses : AttachedState
+        Of both masses, (2, ...).
     """
 
     d: Array
@@ -36,10 +40,11 @@ class UnnamedState(NamedTuple):
     relaxing: RelaxingState
     z: Array
     w: Array
+    masses: AttachedState
 
 
 class Unnamed(AbstractDiscrete):
-    """The general law in motion: its spring, dampers, sliders, relaxing springs and bristles.
+    """The general law in motion: its spring, dampers, sliders, relaxation, bristles and masses.
 
     Attributes
     ----------
@@ -59,6 +64,8 @@ class Unnamed(AbstractDiscrete):
         Springs that yield gradually and unload straight.
     bristles : Bristles
         Springs that yield gradually either way, some the more the faster.
+    masses : Masses
+        One of constant size, and one that grows with the deflection.
     """
 
     spring: SplineSpring
@@ -70,6 +77,7 @@ class Unnamed(AbstractDiscrete):
     relaxation: Array
     yielding: YieldingSprings
     bristles: Bristles
+    masses: Masses
     rate_dependent: ClassVar[bool] = True
 
     def init(self) -> UnnamedState:
@@ -77,7 +85,7 @@ class Unnamed(AbstractDiscrete):
         zero = jnp.zeros(())
         relaxing = self.relaxing.init()._replace(d=zero)
         still = jnp.zeros_like(self.yielding.force), jnp.zeros_like(self.bristles.force)
-        return UnnamedState(zero, zero, self.bank.init(), relaxing, *still)
+        return UnnamedState(zero, zero, self.bank.init(), relaxing, *still, self.masses.init())
 
     def damper(self, d: Array, v: Array) -> Array:
         """Force of the dampers, against the motion whatever it is."""
@@ -99,6 +107,7 @@ class Unnamed(AbstractDiscrete):
         force, stiffness = self.spring.curve(d)
         slid = self.bank.step(d, v, dt, state.sliders)
         relaxed = self.relaxing.step(d, v, dt, state.relaxing)
+        carried = self.masses.step(d, v, dt, state.masses)
         share = self.relaxation / self.D
         one, none = jnp.ones_like(d), jnp.zeros_like(d)
         yielding, bristles = self.yielding, self.bristles
@@ -122,43 +131,51 @@ class Unnamed(AbstractDiscrete):
             + slid.force
             + jnp.sum(share * relaxed.force)
             + jnp.sum(yielding.force * z)
-            + jnp.sum(bristles.force * w),
+            + jnp.sum(bristles.force * w)
+            + carried.force,
             stiffness
             + by_d
             + slid.stiffness
             + jnp.sum(share * relaxed.stiffness)
             + jnp.sum(yielding.force * slope)
-            + jnp.sum(bristles.force * bent),
-            by_v + jnp.sum(share * relaxed.damping) + jnp.sum(bristles.force * faded),
-            UnnamedState(d, v, slid.state, relaxed.state, z, w),
+            + jnp.sum(bristles.force * bent)
+            + carried.stiffness,
+            by_v
+            + jnp.sum(share * relaxed.damping)
+            + jnp.sum(bristles.force * faded)
+            + carried.damping,
+            UnnamedState(d, v, slid.state, relaxed.state, z, w, carried.state),
             lost
             + slid.loss
             + jnp.sum(share * relaxed.loss)
             + yielding.lost(state.z, z, moved)
-            + bristles.lost(state.w, w, moved, mean),
+            + bristles.lost(state.w, w, moved, mean)
+            + carried.loss,
         )
 
     def settled(
         self, state: UnnamedState, by: Array, faster: Array, stiffness: Array
     ) -> UnnamedState:
-        """Sliders follow a little further; relaxing springs, which forget, are left as they are."""
+        """All follow a little further; relaxing springs, which forget, are left as they are."""
         at = state.sliders
         stretch = jnp.clip(at.stretch + by, -self.bank.phi, self.bank.phi)
         z = self.yielding.onward(state.z, by)
         w = self.bristles.onward(state.w, by, state.v)
         sliders = at._replace(d=at.d + by, stretch=stretch)
-        return state._replace(d=state.d + by, v=state.v + faster, sliders=sliders, z=z, w=w)
+        masses = self.masses.settled(state.masses, state.d, state.v, by, faster)
+        return UnnamedState(state.d + by, state.v + faster, sliders, state.relaxing, z, w, masses)
 
     def haste(self, dt: Array) -> Array:
         """Of the fastest relaxing spring that has any strength."""
         return jnp.max(jnp.where(self.relaxation > 0.0, dt / self.relaxing.c, 0.0))
 
     def energy(self, d: Array, state: UnnamedState) -> Array:
-        """Of the spring, the sliders' springs, the relaxing, the yielding ones and the bristles."""
+        """Of the springs of all parts and of the masses in motion."""
         relaxed = jnp.sum(self.relaxation / self.D * self.relaxing.energy(d, state.relaxing))
         pulled = [
             0.5 * jnp.sum(part.force * part.phi * share**2)
             for part, share in ((self.yielding, state.z), (self.bristles, state.w))
         ]
         held = self.bank.energy(d, state.sliders)
-        return self.spring.energy(d) + held + relaxed + sum(pulled)
+        moving = self.masses.energy(state.masses)
+        return self.spring.energy(d) + held + relaxed + sum(pulled) + moving

@@ -1,4 +1,4 @@
-"""Terms of the general law: knots of its spring, dampers, sliders, relaxing springs, bristles.
+"""Terms of the general law: knots of its spring, dampers, sliders, bristles and so on.
 
 All are of a place's motion over its largest: x = d/D, u = v/V.
 """
@@ -102,6 +102,7 @@ def _terms() -> tuple[str, ...]:
             f"{'fading' if fading else 'steady'} bristles of {phi:.3g} D"
             for phi, fading in zip(BRISTLES, FADING, strict=True)
         ),
+        *MASSES,
     )
 
 
@@ -122,6 +123,8 @@ YIELDS = _yields()
 """Slip of the yielding springs over D."""
 BRISTLES, FADING = _bristles()
 """Slip of the bristles over D, and by what their rate counts over V."""
+MASSES = ("mass", "mass of large deflections")
+"""Of constant size, and growing with the square of the deflection."""
 TERMS = _terms()
 """Names of all terms, in the order of the law's strengths."""
 
@@ -135,6 +138,7 @@ def _parts() -> dict[str, slice]:
         ("relaxation", len(TIMES)),
         ("yielding", len(YIELDS)),
         ("bristles", len(BRISTLES)),
+        ("inertia", len(MASSES)),
     ):
         found[name] = slice(first, first + count)
         first += count

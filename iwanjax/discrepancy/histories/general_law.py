@@ -3,11 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from iwanjax.discrepancy.histories.likeness import nearest_pairs
 from iwanjax.discrepancy.histories.ranking import (
@@ -31,7 +33,7 @@ from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit, fit_unnamed_law
-from iwanjax.joints import PlaceMotion, hysteresis
+from iwanjax.joints import PlaceMotion, UnnamedLaw
 
 # Of the logarithm of a largest deflection: a quarter of the outermost interval of the spring.
 _TO_SCALE = 0.05
@@ -138,6 +140,27 @@ def motion_of(fit: UnnamedFit) -> PlaceMotion:
     return PlaceMotion(*jax.device_put((d, v, a, np.diff(d, axis=1, prepend=0.0), np.asarray(dt))))
 
 
+@eqx.filter_jit
+def force_in(law: UnnamedLaw, motion: PlaceMotion) -> Array:
+    """The law's force along a place's motion, from rest on: (recordings, N).
+
+    That of its masses by the accelerations: where an observer corrects deflections and rates, those
+    are no differences of them.
+    """
+    element = law.discrete()
+    inertia = element.masses.force(motion.d, motion.v, motion.a)
+    element = eqx.tree_at(lambda e: e.masses.m, element, jnp.zeros_like(element.masses.m))
+
+    def one(d: Array, v: Array) -> Array:
+        def advance(state: Any, end: tuple[Array, Array]) -> tuple[Any, Array]:
+            found = element.step(*end, motion.dt, state)
+            return found.state, found.force
+
+        return jax.lax.scan(advance, element.init(), (d, v))[1]
+
+    return inertia + jax.vmap(one)(motion.d, motion.v)
+
+
 def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> list[RankedFit]:
     """Pairs of named laws that make the general law's force in its motion, fitted in its place.
 
@@ -155,7 +178,7 @@ def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> li
     """
     fit, known = general.fit, problem.settings
     motion = motion_of(fit)
-    force = np.asarray(hysteresis(fit.law, motion.d, dt=float(motion.dt)))
+    force = np.asarray(force_in(fit.law, motion))
     kinds = [kind for kind in scope.kinds if isinstance(kind, ForceKind) and not kind.within]
     z, place = fit.fitted.theta.mean(axis=0)[: problem.parameters], fit.place
     starts = [

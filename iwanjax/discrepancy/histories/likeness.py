@@ -50,6 +50,8 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
         words.append("friction that weakens with the rate")
     if "relaxation" in acting:
         words.append("a force that relaxes with time")
+    if "inertia" in acting:
+        words.append("inertia that grows with the deflection" if _grows(law) else "inertia")
     if not acting & {"sliders", "relaxation", "yielding", "bristles"}:
         words.append("no memory")
     return ", ".join(words)
@@ -64,6 +66,12 @@ def _fading(law: UnnamedLaw) -> float:
     """Share of the bristles' strength that fades with the rate."""
     force = np.array(law.strengths[PARTS["bristles"]])
     return float(np.sum(force[FADING > 0.0]) / max(np.sum(force), 1e-300))
+
+
+def _grows(law: UnnamedLaw) -> bool:
+    """Whether the masses' forces are more than little of the one that grows."""
+    constant, growing = np.array(law.strengths[PARTS["inertia"]])
+    return bool(growing > settings().judgement.neighbour * (constant + growing))
 
 
 def _shape(law: UnnamedLaw, reach: float) -> list[str]:

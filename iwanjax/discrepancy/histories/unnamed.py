@@ -10,7 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy.findings import Suspect, UnnamedForce
-from iwanjax.discrepancy.histories.general_law import PlacedLaw, general_law, motion_of
+from iwanjax.discrepancy.histories.general_law import (
+    PlacedLaw,
+    force_in,
+    general_law,
+    motion_of,
+)
 from iwanjax.discrepancy.histories.likeness import described, nearest
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit, Scope
 from iwanjax.discrepancy.histories.score_test import by_evidence
@@ -22,7 +27,6 @@ from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 from iwanjax.identification.likelihood import covariance
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit
-from iwanjax.joints import PlaceMotion, UnnamedLaw, hysteresis
 from iwanjax.joints.unnamed_terms import PARTS
 from iwanjax.settings.stages import settings
 
@@ -176,7 +180,7 @@ def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce
         Names to compare it with.
     """
     fit, motion = placed.fit, motion_of(placed.fit)
-    parts = {name: _force(fit.law.alone(name), motion) for name in PARTS}
+    parts = {name: np.asarray(force_in(fit.law.alone(name), motion)) for name in PARTS}
     force = np.sum(list(parts.values()), axis=0)
     hardest = int(np.argmax(np.max(np.abs(motion.d), axis=1)))
     backbone, deviation = _backbone(fit)
@@ -190,10 +194,6 @@ def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce
         backbone=backbone,
         deviation=deviation,
     )
-
-
-def _force(law: UnnamedLaw, motion: PlaceMotion) -> np.ndarray:
-    return np.asarray(hysteresis(law, motion.d, dt=float(motion.dt)))
 
 
 def _backbone(fit: UnnamedFit) -> tuple[np.ndarray, np.ndarray]:

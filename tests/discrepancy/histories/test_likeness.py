@@ -4,10 +4,12 @@ import jax
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.histories.likeness import nearest, nearest_pairs
+from iwanjax.discrepancy.histories.general_law import force_in
+from iwanjax.discrepancy.histories.likeness import described, nearest, nearest_pairs
 from iwanjax.effects.catalogue import kinds_of
 from iwanjax.effects.kinds import ForceKind
-from iwanjax.joints import Gap, Jenkins, PlaceMotion, hysteresis
+from iwanjax.joints import Gap, Jenkins, PlaceMotion, UnnamedLaw, hysteresis
+from iwanjax.joints.unnamed_terms import PARTS, TERMS
 
 K, GAP, SLIP = 4e4, 1.2e-4, 2e-5
 NAMES = ("coulomb_friction", "gap_contact", "cubic_stiffness", "viscous_damping", "viscoelastic")
@@ -57,3 +59,24 @@ def test_of_no_names_there_is_no_pair(decays):
     force = np.asarray(hysteresis(Gap(K, GAP), decays.d, dt=5e-4))
     assert nearest_pairs([], decays, force) == []
     assert nearest_pairs(kinds()[:1], decays, force) == []
+
+
+@pytest.mark.parametrize(
+    ("which", "words"),
+    [
+        (0, "inertia, no memory"),
+        (1, "inertia that grows with the deflection, no memory"),
+    ],
+)
+def test_masses_are_called_inertia(decays, which, words):
+    largest, fastest = (float(np.max(np.abs(x))) for x in (decays.d, decays.v))
+    strengths = np.zeros(len(TERMS))
+    strengths[PARTS["inertia"].start + which] = 1.0
+    law = UnnamedLaw(strengths, largest, fastest, 2.0 * np.pi * largest / fastest)
+    forces = {name: np.asarray(force_in(law.alone(name), decays)) for name in PARTS}
+    x, u = decays.d / largest, decays.v / fastest
+    a = decays.a * largest / fastest**2
+    expected = (a, x**2 * a + x * u**2)[which]
+    np.testing.assert_allclose(forces["inertia"], expected, atol=4e-3)
+    assert all(not np.any(forces[name]) for name in PARTS if name != "inertia")
+    assert described(law, decays, forces) == words
