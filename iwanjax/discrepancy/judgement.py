@@ -24,15 +24,24 @@ class Misfit(NamedTuple):
     ----------
     fit, hold_out : float
         1 for a model that is right; infinite for one that diverges, NaN without recordings.
+    units : (float, float)
+        Errors, relative to what was recorded, at which either is 1: they differ from model to model
+        by what its parameters leave open.
     """
 
     fit: float
     hold_out: float
+    units: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """Of the fitted recordings and of those held out."""
+        return self.fit, self.hold_out
 
     @property
     def largest(self) -> float:
         """Of the recordings that there are."""
-        return max((each for each in self if not math.isnan(each)), default=0.0)
+        return max((each for each in self.ratios if not math.isnan(each)), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -120,12 +129,12 @@ def judged(
     .. math:: \frac{u}{1-u} = \left(\frac{r}{0.1}\right)^4 :
 
     real recordings hold more than any model, and a correction that takes 93 % of a large misfit is
-    one, though the rest is well above the noise; a neighbour of the truth leaves more. The misfits
-    of fitted and held-out recordings, each over its own noise, are added as squares: the truth
-    leaves a small share of all that is unexplained. Nothing missing has to hold for each. Where its
-    misfit refutes nothing, :math:`u_0 > 1/2`, and few values say so little that evidence alone does
-    not, what was tried inherits its probability as far as it takes that misfit away: v is the same
-    bound, and 1 elsewhere.
+    one, though the rest is well above the noise; a neighbour of the truth leaves more. The relative
+    errors of fitted and held-out recordings, beyond the noise of each, are added as squares: the
+    truth leaves a small share of all that is unexplained. Nothing missing has to hold for each.
+    Where its misfit refutes nothing, :math:`u_0 > 1/2`, and few values say so little that evidence
+    alone does not, what was tried inherits its probability as far as it takes that misfit away: v
+    is the same bound, and 1 elsewhere.
 
     The verdict is *nothing missing* or *something missing* where that has more than half of the
     probability (the latter also where the first candidate is likelier than nothing), else
@@ -147,7 +156,7 @@ def judged(
     Verdict
     """
     odds = shares(np.array([nothing, *candidates]))
-    refuted = max(map(misspecification_probability, before))
+    refuted = max(map(misspecification_probability, before.ratios))
     doubt = _unexplained(before, before if after is None else after)
     p_nothing = (1.0 - refuted) * float(odds[0])
     named = (1.0 - doubt) * odds[1:]
@@ -314,7 +323,8 @@ def _unexplained(before: Misfit, after: Misfit) -> float:
     """Probability that a correction is not the truth, by the share of the misfit that it leaves."""
     if _excess(after) == 0.0:
         return 0.0
-    return min(max(map(misspecification_probability, after)), _neighbouring(before, after))
+    refuted = max(map(misspecification_probability, after.ratios))
+    return min(refuted, _neighbouring(before, after))
 
 
 def _neighbouring(before: Misfit, after: Misfit) -> float:
@@ -334,5 +344,6 @@ def _left(before: Misfit, after: Misfit) -> float:
 
 
 def _excess(misfit: Misfit) -> float:
-    """Squared misfit beyond the noise, of fitted and held-out recordings together."""
-    return sum(max(each**2 - 1.0, 0.0) for each in misfit if not math.isnan(each))
+    """Squared error beyond the noise, of fitted and held-out recordings together."""
+    pairs = zip(misfit.ratios, misfit.units, strict=True)
+    return sum(max(r**2 - 1.0, 0.0) * unit**2 for r, unit in pairs if not math.isnan(r))

@@ -284,10 +284,11 @@ def misfit(run: Runs, best: Runs, model_error: float) -> Misfit:
     allowed = math.hypot(noise.floor, model_error)
     of_fit = fitted.relative / allowed if noise.floor < 1.0 else math.inf
     if held_out is None or noise_held_out is None:
-        return Misfit(of_fit, math.nan)
+        return Misfit(of_fit, math.nan, (allowed, math.nan))
     spread = settings().judgement.uncertain * held_out.spread if best is run else 0.0
     foreseen = math.hypot(noise_held_out.floor_95, spread, model_error)
-    return Misfit(of_fit, held_out.relative / foreseen if foreseen < 1.0 else math.inf)
+    of_held_out = held_out.relative / foreseen if foreseen < 1.0 else math.inf
+    return Misfit(of_fit, of_held_out, (allowed, foreseen))
 
 
 class Compared(NamedTuple):

@@ -207,7 +207,7 @@ def concluded(
     misfit = _misfit(
         before, _errors(expected(alone, first), fitted), opened(alone, fitted).hold_out
     )
-    refuted = max(map(misspecification_probability, misfit)) > 0.5
+    refuted = max(map(misspecification_probability, misfit.ratios)) > 0.5
     standing = Ranking.of(alone, trials.found, refuted)
     refused: list[Refused] = []
     while True:
@@ -277,10 +277,8 @@ def _refitted(fit: AnyFit, parameters: Sequence[Parameter], name: str) -> tuple[
 
 def _misfit(errors: Errors, foreseen: Errors, spread: float) -> Misfit:
     """Over what is no surprise."""
-    return Misfit(
-        errors.fit / foreseen.fit,
-        errors.hold_out / _at_most(foreseen, spread) / settings().judgement.uncertain,
-    )
+    held_out = settings().judgement.uncertain * _at_most(foreseen, spread)
+    return Misfit(errors.fit / foreseen.fit, errors.hold_out / held_out, (foreseen.fit, held_out))
 
 
 def _at_most(foreseen: Errors, spread: float) -> float:
