@@ -147,6 +147,7 @@ def further_laws(
     shorts: Sequence[RankedFit],
     entries: list[RankedFit],
     places: Sequence[Place],
+    rounds: int,
     scope: Scope,
 ) -> list[RankedFit]:
     """Laws with all of their parameters beside the others, where nothing else explains much.
@@ -159,6 +160,8 @@ def further_laws(
         As for the others.
     places : sequence of Place
         Where something acts most likely, in order.
+    rounds : int
+        How many of them may be the right one: so often each law is fitted, at its best place first.
     """
     best, known = least(nominal, entries), problem.settings
     enough = known.selection.misfit * left_by_right_model(problem)
@@ -174,7 +177,7 @@ def further_laws(
     if best.cost < FAR * left_by_noise(problem):
         # What is left is small beside what was explained there: a name may be wrong, not the place.
         places = _of_the_best(places, entries, known.joint_faults.ahead * best.cost)
-    most = known.selection.finalists
+    most, rounds = known.selection.finalists, min(max(rounds, 1), known.selection.finalists)
     of_kinds = []
     for kind in kinds:
         assert kind.law
@@ -185,7 +188,7 @@ def further_laws(
         for place in places[: 2 * most] if scope.in_time() else ():
             guesses = kind.law.begun(place.scales, **dict(kind.held))
             made.append(_sifted(*hypotheses.with_law(problem, kind, place, guesses, beside)))
-        of_kinds.append(sorted(made, key=lambda each: each.left)[:most])
+        of_kinds.append(sorted(made, key=lambda each: each.left)[:rounds])
     # Shorter, or none, where the time is over.
     for likely in zip(*of_kinds, strict=False):
         for own, starts, _ in likely:

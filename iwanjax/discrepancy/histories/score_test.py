@@ -163,6 +163,14 @@ def by_evidence(tested: Sequence[PlaceEvidence], places: Sequence[Place]) -> lis
     return sorted(places, key=lambda place: -known.get(place.label, -math.inf))
 
 
+def left_likely(tested: Sequence[PlaceEvidence], places: Sequence[Place]) -> list[Place]:
+    """The same without those that the likeliest of them excludes."""
+    known = {each.where: each.log_evidence for each in tested}
+    ordered = by_evidence(tested, places)
+    best = max((known[p.label] for p in ordered if p.label in known), default=0.0)
+    return [p for p in ordered if known.get(p.label, best) > best - LEAST_GAIN]
+
+
 def where_something_acts(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Those at places that the likeliest one does not exclude, whatever acts there."""
     best = max((c.place.log_evidence for c in candidates), default=0.0)

@@ -46,6 +46,7 @@ from iwanjax.discrepancy.histories.score_test import (
     Candidate,
     by_evidence,
     excluded,
+    left_likely,
     places_of,
     where_something_acts,
 )
@@ -184,12 +185,12 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         base = replace(base, fitted=renominated(problem, base.fitted, entries, scope))
         base, entries = ranked(base, entries)
     # What even so is not explained may be a law of more parameters, or two at one place.
-    likely = by_evidence(places, scope.places)
-    entries = further_laws(problem, base.fitted, shorts, entries, likely, scope)
+    likely, near = by_evidence(places, scope.places), left_likely(places, scope.places)
+    entries = further_laws(problem, base.fitted, shorts, entries, likely, len(near), scope)
     general, failures = None, list[str]()
     left = least(base.fitted, entries).cost
-    if left > FAR * left_by_noise(problem) and likely and scope.in_time():
-        law = partial(general_law, problem, base.fitted, likely, scope)
+    if left > FAR * left_by_noise(problem) and near and scope.in_time():
+        law = partial(general_law, problem, base.fitted, near, scope)
         general = attempted("looking for a law that has no name", law, None, failures)
     if general is not None:
         two = partial(as_two_laws, problem, general, scope)

@@ -18,7 +18,7 @@ from iwanjax.discrepancy.histories.general_law import (
 )
 from iwanjax.discrepancy.histories.likeness import described, nearest
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit, Scope
-from iwanjax.discrepancy.histories.score_test import by_evidence
+from iwanjax.discrepancy.histories.score_test import left_likely
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
@@ -43,7 +43,7 @@ def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) ->
     scope : Scope
         Places, and how long there is time.
     """
-    likely = by_evidence(table.places, scope.places)
+    likely = left_likely(table.places, scope.places)
     begun = table.general or general_law(problem, table.nominal.fitted, likely, scope)
     memories = (TIME_CONSTANT, problem.settings.selection.long_time_constant, math.inf)
     scope.progress(f"the general law at {begun.fit.place.label}, to the free run")

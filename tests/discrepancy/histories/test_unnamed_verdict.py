@@ -8,7 +8,7 @@ from two_masses import PLACES, Law, diagnosed
 
 import iwanjax as ij
 from iwanjax.discrepancy.findings import PlaceEvidence
-from iwanjax.discrepancy.histories.score_test import by_evidence
+from iwanjax.discrepancy.histories.score_test import by_evidence, left_likely
 from iwanjax.discrepancy.judgement import Misfit, acting, beside_general_law, judged
 from iwanjax.identification.places import Place
 from iwanjax.joints import UnnamedLaw
@@ -120,3 +120,9 @@ def test_a_law_is_tried_first_where_all_laws_together_explain_most():
     ]
     tested = [PlaceEvidence("b", 0.9, 0.8, 16, 19.0), PlaceEvidence("a", 0.1, 0.9, 1, 13.0)]
     assert [each.label for each in by_evidence(tested, places)] == ["b", "a", "c"]
+    # One that is untested may be the right one, one that the likeliest excludes is not; a sensor
+    # excludes no place.
+    assert [each.label for each in left_likely(tested, places)] == ["b", "a", "c"]
+    far = [tested[0], tested[1]._replace(log_evidence=6.0), PlaceEvidence("a1", 1, 1, 3, 99.0)]
+    assert [each.label for each in left_likely(far, places)] == ["b", "c"]
+    assert left_likely([], places) == places
