@@ -48,9 +48,9 @@ class UnnamedLaw(AbstractJoint):
     :math:`\dot q_m + q_m/\tau_m = v`, and the springs :math:`z_l` yield as those of Bouc and Wen
     with the exponent 2, :math:`\dot z = v\,[1 - (z/\phi)^2]` where that grows and :math:`v` where
     it falls: they unload straight, which no bank of sliders does. Bristles
-    :math:`\phi\dot w = v - |v|\,w/g(u)` yield gradually either way (Dahl 1976), one half of them
-    with :math:`g = 1`, the other the more the faster as dry friction does (Canudas de Wit et al.
-    1995), :math:`g = 1/(1 + (10u)^2)`. There is a mass and one that grows with the deflection, as
+    :math:`\phi\dot w = v - |v|\,w/g(u)` yield gradually either way (Dahl 1976), some with
+    :math:`g = 1`, others the more the faster as dry friction does (Canudas de Wit et al. 1995),
+    :math:`g = (1 + 2e^{-(au)^2})/3`. There is a mass and one that grows with the deflection, as
     forces at the acceleration :math:`2\pi V/T`. Beyond D the spring goes on straight, beyond V the
     quadratic and the cubic damper. All but the spring's strengths are at least zero, so that no
     closed cycle feeds energy.

@@ -119,7 +119,7 @@ class YieldingSprings(NamedTuple):
 class Bristles(NamedTuple):
     r"""Springs that yield gradually either way, w the force over that at the slip.
 
-    .. math:: \phi\dot w = v - |v|\,w/g, \qquad g = \frac{1}{1 + (av)^2}
+    .. math:: \phi\dot w = v - |v|\,w/g, \qquad g = \frac{1 + 2e^{-(av)^2}}{3}
 
     Dahl's friction (1976) where a is zero; else it weakens with the rate, as that of Canudas de
     Wit et al. (IEEE Trans. Automat. Contr. 40, 1995) without its dampers. The springs store
@@ -139,18 +139,19 @@ class Bristles(NamedTuple):
     phi: Array
     a: Array
 
-    def _limit(self, v: Array) -> Array:
-        return 1.0 / (1.0 + (self.a * v) ** 2)
+    def limit(self, v: Array) -> Array:
+        """Of steady slip, over that of a slow one."""
+        return (1.0 + 2.0 * jnp.exp(-((self.a * v) ** 2))) / 3.0
 
     def onward(self, w: Array, moved: Array, v: Array) -> Array:
         """Shares after a monotonic step at a mean rate, exact for an even one."""
-        limit, way = self._limit(v), jnp.where(moved < 0.0, -1.0, 1.0)
+        limit, way = self.limit(v), jnp.where(moved < 0.0, -1.0, 1.0)
         end = way * limit
         return end + (w - end) * jnp.exp(-jnp.abs(moved) / (self.phi * limit))
 
     def lost(self, w: Array, after: Array, moved: Array, v: Array) -> Array:
         """Energy of such a step, force x length: work less what the springs store."""
-        limit, way, far = self._limit(v), jnp.where(moved < 0.0, -1.0, 1.0), jnp.abs(moved)
+        limit, way, far = self.limit(v), jnp.where(moved < 0.0, -1.0, 1.0), jnp.abs(moved)
         within = self.phi * limit
         begun = way * w - limit
         work = limit * far - begun * within * jnp.expm1(-far / within)

@@ -78,13 +78,14 @@ def _yields() -> _Grid:
 
 
 def _bristles() -> tuple[_Grid, _Grid]:
-    """Slip of bristles over D, an octave apart, and how fast the second half of them fade.
+    """Slip of bristles over D, half an octave apart, and by what their rate counts over V.
 
-    Of a force by Canudas de Wit's law whose friction falls by a third about 0.03, 0.1 and 0.3 V,
-    all other terms leave 6 to 7 % (least squares along three decays), with these 1.5 to 2.5 %.
+    Of forces by Canudas de Wit's law whose friction falls by a third or a sixth about 0.03, 0.1 and
+    0.3 V these leave 0.3 to 0.9 % (least squares along three decays). Slips an octave apart, one
+    half of them with a limit 1/(1 + (10 u)^2), left 1.6 to 2.3 %; without any it is 6 to 7 %.
     """
-    phi = YIELDS[: 2 * (len(KNOTS) // 2) : 2]
-    return np.tile(phi, 2), np.repeat([0.0, 1.0 / RISE], len(phi))
+    phi, fading = YIELDS[:13], np.array([0.0, 4.0, 12.0, 36.0])
+    return np.tile(phi, len(fading)), np.repeat(fading, len(phi))
 
 
 def _terms() -> tuple[str, ...]:
@@ -99,7 +100,7 @@ def _terms() -> tuple[str, ...]:
         *(f"relaxing spring of {t:.3g} T/(2 pi)" for t in TIMES),
         *(f"yielding spring of {phi:.3g} D" for phi in YIELDS),
         *(
-            f"{'fading' if fading else 'steady'} bristles of {phi:.3g} D"
+            f"bristles of {phi:.3g} D" + (f" that fade at {1.0 / fading:.3g} V" if fading else "")
             for phi, fading in zip(BRISTLES, FADING, strict=True)
         ),
         *MASSES,

@@ -29,12 +29,12 @@ def shares(which, rate, t):
 
     def grown(t, w):
         v = rate(t)
-        return (v - abs(v) * w * (1.0 + (a * v) ** 2)) / phi
+        return (v - 3.0 * abs(v) * w / (1.0 + 2.0 * np.exp(-((a * v) ** 2)))) / phi
 
     return solve_ivp(grown, (t[0], t[-1]), [0.0], t_eval=t, rtol=1e-10, atol=1e-12).y[0]
 
 
-@pytest.mark.parametrize("which", [0, 3, 7, 10])
+@pytest.mark.parametrize("which", [0, 6, 13, 20, 30, 45])
 def test_they_follow_their_equation(which):
     t = np.linspace(0.0, 2.0 * T, 4001)
     path = 0.5 * D * (1.0 - np.cos(OMEGA * t))
@@ -44,7 +44,7 @@ def test_they_follow_their_equation(which):
 
 
 def test_a_slow_cycle_is_dahls():
-    law, d, phi = bristles(2), 0.6 * D, D * BRISTLES[2]
+    law, d, phi = bristles(4), 0.6 * D, D * BRISTLES[4]
     virgin = 1.0 - np.exp(-d / phi)
     assert float(law.backbone(d)) == pytest.approx(virgin, rel=1e-12)
     assert float(law.loading(d, d)) == pytest.approx(np.tanh(d / phi), rel=1e-12)
@@ -55,7 +55,7 @@ def test_a_slow_cycle_is_dahls():
 
 
 def test_fading_ones_lose_less_the_faster():
-    law, d, which = bristles(9), 0.4 * D, 9
+    law, d, which = bristles(30), 0.4 * D, 30
     w = 2.0 * OMEGA
     t = np.linspace(0.0, 3.0 * np.pi, 20001) / w
     share = shares(which, lambda t: d * w * np.cos(w * t), t)
@@ -64,13 +64,13 @@ def test_fading_ones_lose_less_the_faster():
     assert float(law.dissipation(d, omega=w)) == pytest.approx(lost, rel=2e-3)
     slow = 4.0 * (d - D * BRISTLES[which] * np.tanh(d / (D * BRISTLES[which])))
     assert float(law.dissipation(d, omega=1e-3 * w)) == pytest.approx(slow, rel=1e-3)
-    assert lost < 0.5 * slow
+    assert lost < 0.65 * slow
 
 
 @pytest.mark.parametrize("reach", [0.3, 1.0, 2.5])
 def test_the_tip_stiffness_is_that_of_a_slow_decay(reach):
     """Work of a branch of the length 2d, of turns that come closer by delta each time."""
-    phi = D * BRISTLES[1]
+    phi = D * BRISTLES[2]
     d, shrunk = reach * phi, 1e-4 * phi
     lengths = 2.0 * d + 2.0 * shrunk * np.arange(400, -1, -1)
     share = np.tanh(0.5 * lengths[0] / phi)
@@ -79,7 +79,7 @@ def test_the_tip_stiffness_is_that_of_a_slow_decay(reach):
     work = 2.0 * d - (1.0 + share) * phi * (1.0 - np.exp(-2.0 * d / phi))
     steady = 2.0 * (d - phi * np.tanh(d / phi))
     expected = (steady - work) / (d * shrunk)
-    assert float(bristles(1).tip_stiffness(d)) == pytest.approx(expected, rel=2e-3)
+    assert float(bristles(2).tip_stiffness(d)) == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -115,4 +115,4 @@ def test_with_them_friction_that_weakens_with_the_rate_is_no_stranger(at):
         return nnls(columns / scale, force, maxiter=100_000)[1] / np.linalg.norm(force)
 
     without = left(every[:, : -(OWN.stop - OWN.start)])
-    assert left(every) < 0.5 * without
+    assert left(every) < 0.01 < 0.2 * without

@@ -13,7 +13,7 @@ from jaxtyping import Array
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.force_law import Scales
-from iwanjax.joints.unnamed_terms import FADING, PARTS
+from iwanjax.joints.unnamed_terms import PARTS
 from iwanjax.settings.stages import settings
 
 
@@ -63,9 +63,13 @@ def _size(force: np.ndarray) -> float:
 
 
 def _fading(law: UnnamedLaw) -> float:
-    """Share of the bristles' strength that fades with the rate."""
-    force = np.array(law.strengths[PARTS["bristles"]])
-    return float(np.sum(force[FADING > 0.0]) / max(np.sum(force), 1e-300))
+    """By how much less the bristles hold at the largest rate than at little of it."""
+    bristles = law.discrete().bristles
+    slow, fast = (
+        float(jnp.sum(bristles.force * bristles.limit(share * law.rate)))
+        for share in (settings().judgement.neighbour, 1.0)
+    )
+    return 1.0 - fast / max(slow, 1e-300)
 
 
 def _grows(law: UnnamedLaw) -> bool:
