@@ -81,7 +81,7 @@ def _bristles() -> tuple[_Grid, _Grid]:
     """Slip of bristles over D, half an octave apart, and by what their rate counts over V.
 
     Of forces by Canudas de Wit's law whose friction falls by a third or a sixth about 0.03, 0.1 and
-    0.3 V these leave 0.3 to 0.9 % (least squares along three decays). Slips an octave apart, one
+    0.3 V these leave 0.3 to 1.1 % (least squares along three decays). Slips an octave apart, one
     half of them with a limit 1/(1 + (10 u)^2), left 1.6 to 2.3 %; without any it is 6 to 7 %.
     """
     phi, fading = YIELDS[:13], np.array([0.0, 4.0, 12.0, 36.0])
