@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.joints import duhem
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.force_law import (
     WITHIN_K,
@@ -45,8 +46,7 @@ class BoucWen(AbstractStepped):
 
     It unloads with K_T; on the virgin curve :math:`d = z\,{}_2F_1(1, 1/n; 1 + 1/n; (z/s)^n)`
     (Charalampakis & Koumousis 2008), for n = 1 :math:`F = F_S(1 - e^{-d/s})`, for n = 2
-    :math:`F_S\tanh(d/s)`. Whatever the length of a step, its end is exact. It is no Masing
-    element, for which its :meth:`tip_stiffness` is taken.
+    :math:`F_S\tanh(d/s)`. Whatever the length of a step, its end is exact.
 
     Parameters
     ----------
@@ -155,6 +155,17 @@ class BoucWen(AbstractStepped):
         safe = jnp.where(at_rest, 1.0, amplitude)
         tip = -self.F_S * jnp.expm1(-self._tip(safe))
         return jnp.where(at_rest, self.initial_stiffness, tip / safe)
+
+    def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
+        r"""Of a slow decay (:func:`iwanjax.joints.duhem.tip_stiffness`), force/length.
+
+        .. math:: \frac{F_S}{d}\,\frac{4w(1 - w^n)}{(2 - w^n)^2}
+
+        with the share w of F_S at the tips.
+        """
+        y = self._tip(d)
+        onward, size = _complement(y, self.n), jnp.abs(real(d)) / self.slip
+        return duhem.tip_stiffness(-jnp.expm1(-y), onward, jnp.ones_like(y), size, self.K_T)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Energy per cycle, :math:`2 F_S s\int_0^w \frac{t^{n+1}}{1 - t^n}\,dt` to the tip's w.

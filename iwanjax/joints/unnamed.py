@@ -162,12 +162,10 @@ class UnnamedLaw(AbstractJoint):
         return jnp.where(at_rest, self.initial_stiffness, 0.5 * tips / safe)
 
     def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
-        """Secant of the spring, tangent of the sliders, force/length."""
+        """Secant of the spring, tangent of the sliders, and of what yields, force/length."""
         amplitude = jnp.abs(real(d))
-        # A yielding spring unloads straight from both tips.
-        elastic = _yielding(self).curve(jnp.zeros_like(amplitude))[1]
-        held = _virgin(_bank(self), amplitude)[1] + _bristles(self).tip_stiffness(amplitude)
-        return self.alone("spring").secant(d) + held + elastic
+        yielded = [part(self).tip_stiffness(amplitude) for part in (_yielding, _bristles)]
+        return self.alone("spring").secant(d) + _virgin(_bank(self), amplitude)[1] + sum(yielded)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Energy lost in a steady harmonic cycle of amplitude |d|, force x length.

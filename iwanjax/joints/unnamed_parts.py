@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from iwanjax.joints import duhem
 from iwanjax.joints.unnamed_terms import INTERVALS, KNOTS
 
 CYCLE = 128
@@ -104,6 +105,13 @@ class YieldingSprings(NamedTuple):
             y = jnp.maximum(y - (w + y - reach) / (2.0 - w**2), 0.5 * reach)
         return y
 
+    def tip_stiffness(self, amplitude: Array) -> Array:
+        """Of a slow decay, force/length."""
+        w, u = jnp.tanh(self._tip(amplitude)), amplitude[..., None] / self.phi
+        onward = (1.0 - w) * (1.0 + w)
+        each = duhem.tip_stiffness(w, onward, jnp.ones_like(w), u, self.force / self.phi)
+        return jnp.sum(each, axis=-1)
+
     def cycle(self, amplitude: Array) -> Array:
         """Energy lost in a steady cycle, force x length."""
         y = self._tip(amplitude)
@@ -165,16 +173,11 @@ class Bristles(NamedTuple):
         return force, jnp.sum(self.force / self.phi * jnp.exp(-x), axis=-1)
 
     def tip_stiffness(self, amplitude: Array) -> Array:
-        r"""Of a slow decay, :math:`F\,[1 - \tanh^2(d/\phi)]\tanh(d/\phi)/d`, force/length.
-
-        By the balance that :meth:`~iwanjax.AbstractJoint.tip_stiffness` states: a branch of the
-        length 2d begins with the share that steady cycles longer by :math:`2\delta` leave, less
-        what the cycles before have not forgotten.
-        """
-        x = amplitude[..., None] / self.phi
-        safe = jnp.where(x == 0.0, 1.0, x)
-        share = jnp.where(x == 0.0, 1.0, jnp.tanh(safe) / safe / jnp.cosh(safe) ** 2)
-        return jnp.sum(self.force / self.phi * share, axis=-1)
+        r"""Of a slow decay, :math:`F\,[1 - \tanh^2(d/\phi)]\tanh(d/\phi)/d`, force/length."""
+        u = amplitude[..., None] / self.phi
+        w = jnp.tanh(u)
+        each = duhem.tip_stiffness(w, 1.0 - w, 1.0 + w, u, self.force / self.phi)
+        return jnp.sum(each, axis=-1)
 
     def loading(self, d: Array, amplitude: Array) -> Array:
         """Force on the loading branch of a steady slow cycle."""

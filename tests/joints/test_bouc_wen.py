@@ -84,3 +84,23 @@ def test_gradients_are_finite_where_nothing_moves_and_where_it_is_spent():
         np.testing.assert_allclose(
             slopes[:, i], (ahead - behind) / (2.0 * h * values[i]), atol=1e-6
         )
+
+
+@pytest.mark.parametrize("n", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize("reach", [0.3, 1.0, 2.5])
+def test_the_tip_stiffness_is_that_of_a_slow_decay(n, reach):
+    """Work of the last of many branches that come closer, against a steady cycle's as long."""
+    joint, slip, shrunk = BoucWen(F_S=2.0, K_T=4.0, n=n), 0.5, 5e-6
+    # As many as it takes to forget the first where next to nothing yields.
+    ends = slip * reach + shrunk * (np.arange(4000, -1, -1) + 0.5)
+    turns = np.concatenate([[0.0], ends * (-1.0) ** np.arange(ends.size)])
+    # The last branch closely.
+    d = np.concatenate([turns[:-1], np.linspace(turns[-2], turns[-1], 40_001)[1:]])
+    force = np.asarray(ij.hysteresis(joint, d))[-40_001:]
+    path = d[-40_001:]
+    work = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(path)))
+    amplitude = 0.5 * abs(float(path[-1] - path[0]))
+    steady = 0.5 * float(joint.dissipation(amplitude))
+    expected = (steady - work) / (amplitude * shrunk)
+    assert float(joint.tip_stiffness(amplitude)) == pytest.approx(expected, rel=1e-2, abs=1e-3)
+    assert float(joint.tip_stiffness(0.0)) == 4.0

@@ -93,12 +93,13 @@ def test_yielding_springs_are_those_of_bouc_and_wen():
         if f > 0.0
     ]
     np.testing.assert_allclose(ij.hysteresis(law, d, dt=1e3 * T), sum(each), rtol=1e-8)
-    other = [
-        float(BoucWen(f, f / (D * phi), 2.0).dissipation(0.7 * D))
-        for f, phi in zip(force, YIELDS, strict=True)
-        if f > 0.0
-    ]
-    assert float(law.dissipation(0.7 * D)) == pytest.approx(sum(other), rel=1e-8)
+    for quantity in ("dissipation", "tip_stiffness"):
+        other = [
+            float(getattr(BoucWen(f, f / (D * phi), 2.0), quantity)(0.7 * D))
+            for f, phi in zip(force, YIELDS, strict=True)
+            if f > 0.0
+        ]
+        assert float(getattr(law, quantity)(0.7 * D)) == pytest.approx(sum(other), rel=1e-8)
 
 
 def test_relaxing_springs_follow_their_equation():
