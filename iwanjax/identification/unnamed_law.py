@@ -102,14 +102,11 @@ def with_unnamed_law(
         What to call it.
     place : Place
         Where.
-    z : sequence of (parameters,) array
-        Joints to begin with.
+    z : sequence of array
+        Joints to begin with, (parameters,), or these and a law's strengths after them.
     """
-    seen = place.scales
     # As much force as bends the structure as far as the place has moved.
-    force = seen.deflection * seen.stiffness
-    rate = 2.0 * math.pi * seen.deflection / seen.period
-    law = UnnamedLaw.blank(seen.deflection, rate, seen.period)
+    force, law = place.scales.deflection * place.scales.stiffness, blank_at(place)
     joint = FreeLaw(law, jnp.full(len(TERMS), force))
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness, p.within),
@@ -124,8 +121,16 @@ def with_unnamed_law(
         problem, predictor=predictor, joints=(*problem.joints, joint), compiled=set(), _process={}
     )
     hypothesis = replace(other.nothing(), kinds=(kind,), where=(place.label,))
-    none = np.zeros(len(TERMS))
-    return other, [Start(hypothesis, other.map.given(np.concatenate([each, none]))) for each in z]
+    unit = np.concatenate([np.ones(problem.parameters), np.full(len(TERMS), force)])
+    whole = [np.pad(each, (0, unit.size - each.size)) / unit for each in z]
+    return other, [Start(hypothesis, other.map.given(each)) for each in whole]
+
+
+def blank_at(place: Place) -> UnnamedLaw:
+    """The law without any force, of the largest motions that a place has seen."""
+    seen = place.scales
+    rate = 2.0 * math.pi * seen.deflection / seen.period
+    return UnnamedLaw.blank(seen.deflection, rate, seen.period)
 
 
 def fit_unnamed_law(
@@ -143,8 +148,8 @@ def fit_unnamed_law(
     ----------
     problem, kind, place
         As for :func:`with_unnamed_law`.
-    z : sequence of (parameters,) array
-        Joints to begin with; the best of them is gone on with after the first memory.
+    z : sequence of array
+        Where to begin, the best of which is gone on with after the first memory.
     memories : sequence of float
         Of the observer, cycles; infinite for the free run.
     steps : int

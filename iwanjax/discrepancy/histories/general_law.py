@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from scipy.optimize import nnls
 
-from iwanjax.discrepancy.histories.likeness import nearest_pairs
+from iwanjax.discrepancy.histories.likeness import SizedLaw, nearest_pairs
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -32,8 +33,9 @@ from iwanjax.identification.likelihood import evidence, left_by_noise, scale
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
-from iwanjax.identification.unnamed_law import UnnamedFit, fit_unnamed_law
+from iwanjax.identification.unnamed_law import UnnamedFit, blank_at, fit_unnamed_law
 from iwanjax.joints import PlaceMotion, UnnamedLaw
+from iwanjax.joints.unnamed_terms import ELASTIC, TERMS
 
 # Of the logarithm of a largest deflection: a quarter of the outermost interval of the spring.
 _TO_SCALE = 0.05
@@ -60,13 +62,18 @@ class PlacedLaw(NamedTuple):
 
 
 def general_law(
-    problem: HistoryProblem, nominal: HypothesisFit, places: Sequence[Place], scope: Scope
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    entries: Sequence[RankedFit],
+    places: Sequence[Place],
+    scope: Scope,
 ) -> PlacedLaw:
     """The general law where it explains most, fitted with the shortest memory.
 
     Each of the places where something acts most likely, by all laws there at once, is tried for a
-    few steps from the joints of the nominal fit and as given. The best is gone on with, and the
-    others as well where it leaves much more than noise.
+    few steps: from the joints of the nominal fit and as given, and from what the best named force
+    there does, for from no force there may be no way to a large one. The best is gone on with, for
+    as long as it gains, and the others as well where it leaves much more than noise.
 
     Parameters
     ----------
@@ -74,6 +81,8 @@ def general_law(
         Of the model without any suspect.
     nominal : HypothesisFit
         That model.
+    entries : sequence of RankedFit
+        Named suspects, the best first.
     places : sequence of Place
         The likeliest first.
     scope : Scope
@@ -86,16 +95,33 @@ def general_law(
         if tried and not scope.in_time():
             break
         scope.progress(f"a general law at {place.label}")
-        begun = problem, UnnamedKind(), place, joints, short
+        named = [
+            as_general_law(e.fitted, problem, place)
+            for e in entries
+            if e.problem is problem and _one_force_at(e.fitted, place)
+        ]
+        begun = problem, UnnamedKind(), place, [*joints, *named[:1]], short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
     first, *others = sorted(tried, key=lambda each: each.fitted.cost)
-    ended = [first.onward(short, STEPS, scope.in_time)]
+    ended = [_gone_on_with(first, scope)]
     if ended[0].fitted.cost > FAR * left_by_noise(problem):
         others = [each.onward(short, STEPS, scope.in_time) for each in others]
     ended += others
     odds = _odds(ended)
     best = int(np.argmax(odds))
     return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]))
+
+
+def _gone_on_with(found: UnnamedFit, scope: Scope) -> UnnamedFit:
+    """The fit with the shortest memory, its steps taken again while much is left and they help."""
+    known, enough = found.problem.settings.selection, FAR * left_by_noise(found.problem)
+    for _ in range(1 + known.repeats):
+        before = found.fitted.cost
+        found = found.onward((SHORT_TIME_CONSTANT,), STEPS, scope.in_time)
+        gained = found.fitted.cost < (1.0 - known.rough) * before
+        if found.fitted.converged or found.fitted.cost < enough or not gained:
+            break
+    return found
 
 
 def _odds(tried: Sequence[UnnamedFit]) -> np.ndarray:
@@ -121,15 +147,73 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
         return found
     period = 2.0 * math.pi * largest / fastest
     seen = found.place.scales._replace(deflection=largest, period=period)
-    z = found.fitted.theta.mean(axis=0)[: problem.parameters]
-    begun = problem, UnnamedKind(), replace(found.place, scales=seen), [z]
+    there, z = replace(found.place, scales=seen), found.fitted.theta.mean(axis=0)
+    strengths = nearest_strengths(there, motion, np.asarray(force_in(found.law, motion)))
+    z = np.concatenate([z[: problem.parameters], strengths])
+    begun = problem, UnnamedKind(), there, [z]
     return fit_unnamed_law(*begun, (SHORT_TIME_CONSTANT,), STEPS, scope.in_time)
+
+
+def _one_force_at(fitted: HypothesisFit, place: Place) -> bool:
+    """Whether a hypothesis is one named force at a place."""
+    kinds = fitted.hypothesis.kinds
+    return fitted.hypothesis.where == (place.label,) and isinstance(kinds[0], ForceKind)
+
+
+def as_general_law(fitted: HypothesisFit, problem: HistoryProblem, place: Place) -> np.ndarray:
+    """Joints of a fit with one force, and the strengths of the general law that is nearest to it.
+
+    Parameters
+    ----------
+    fitted : HypothesisFit
+        One named force at the place.
+    problem, place
+        Of the fit.
+    """
+    (kind,), theta = fitted.hypothesis.kinds, fitted.theta.mean(axis=0)
+    assert isinstance(kind, ForceKind)
+    law = SizedLaw(kind, *fitted.hypothesis.physical(theta, problem.map, 0))
+    motion = _motion(problem, fitted, place)
+    strengths = nearest_strengths(place, motion, law.force(motion))
+    return np.concatenate([theta[: problem.parameters], strengths])
+
+
+def nearest_strengths(place: Place, motion: PlaceMotion, force: np.ndarray) -> np.ndarray:
+    """Of a place's general law whose force in some motion is nearest to one.
+
+    By least squares, each strength at least what the law allows.
+
+    Parameters
+    ----------
+    place : Place
+        That the law is scaled to.
+    motion : PlaceMotion
+        Of the place, (recordings, N).
+    force : (recordings, N) array
+        To be come near to.
+
+    Returns
+    -------
+    (terms,) array
+    """
+    blank = blank_at(place)
+    units = jax.vmap(lambda s: force_in(blank.with_strengths(s), motion))(jnp.eye(len(TERMS)))
+    columns = np.asarray(units).reshape(len(TERMS), -1).T
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    columns = columns / size
+    # Springs may be negative.
+    found, _ = nnls(np.hstack([columns, -columns[:, :ELASTIC]]), np.ravel(force))
+    found[:ELASTIC] -= found[len(TERMS) :]
+    return found[: len(TERMS)] / size
 
 
 def motion_of(fit: UnnamedFit) -> PlaceMotion:
     """What the place did in the fitted recordings, by the model with the law: (recordings, N)."""
-    problem, fitted = fit.problem, fit.fitted
-    here = fitted.hypothesis.suspects._replace(row=jnp.asarray(fit.place.row)[None])
+    return _motion(fit.problem, fit.fitted, fit.place)
+
+
+def _motion(problem: HistoryProblem, fitted: HypothesisFit, place: Place) -> PlaceMotion:
+    here = fitted.hypothesis.suspects._replace(row=jnp.asarray(place.row)[None])
     gain = problem.gains(
         [here], fitted.theta.mean(axis=0)[None], fitted.time_constant, slopes=False
     ).gain[0]

@@ -159,6 +159,10 @@ class SizedLaw(NamedTuple):
     size: float
     shape: float
 
+    def force(self, motion: PlaceMotion) -> np.ndarray:
+        """Along a motion, (recordings, N)."""
+        return self.size * np.asarray(_unit_forces(self.kind, jnp.array([self.shape]), motion))[0]
+
 
 def nearest_pairs(
     kinds: Sequence[ForceKind], motion: PlaceMotion, force: np.ndarray

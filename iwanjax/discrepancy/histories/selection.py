@@ -190,7 +190,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     general, failures = None, list[str]()
     left = least(base.fitted, entries).cost
     if left > FAR * left_by_noise(problem) and near and scope.in_time():
-        law = partial(general_law, problem, base.fitted, near, scope)
+        law = partial(general_law, problem, base.fitted, entries, near, scope)
         general = attempted("looking for a law that has no name", law, None, failures)
     if general is not None:
         two = partial(as_two_laws, problem, general, scope)

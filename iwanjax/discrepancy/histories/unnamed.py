@@ -44,7 +44,8 @@ def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) ->
         Places, and how long there is time.
     """
     likely = left_likely(table.places, scope.places)
-    begun = table.general or general_law(problem, table.nominal.fitted, likely, scope)
+    fitted = table.nominal.fitted, table.entries
+    begun = table.general or general_law(problem, *fitted, likely, scope)
     memories = (TIME_CONSTANT, problem.settings.selection.long_time_constant, math.inf)
     scope.progress(f"the general law at {begun.fit.place.label}, to the free run")
     fit = replace(begun.fit, problem=begun.fit.problem.with_steps_of(problem))

@@ -4,11 +4,14 @@ import jax
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.histories.general_law import force_in
-from iwanjax.discrepancy.histories.likeness import described, nearest, nearest_pairs
+from iwanjax.discrepancy.histories.general_law import force_in, nearest_strengths
+from iwanjax.discrepancy.histories.likeness import SizedLaw, described, nearest, nearest_pairs
 from iwanjax.effects.catalogue import kinds_of
 from iwanjax.effects.kinds import ForceKind
+from iwanjax.identification.places import Place
+from iwanjax.identification.unnamed_law import blank_at
 from iwanjax.joints import Gap, Jenkins, PlaceMotion, UnnamedLaw, hysteresis
+from iwanjax.joints.force_law import Scales
 from iwanjax.joints.unnamed_terms import PARTS, TERMS
 
 K, GAP, SLIP = 4e4, 1.2e-4, 2e-5
@@ -80,3 +83,25 @@ def test_masses_are_called_inertia(decays, which, words):
     np.testing.assert_allclose(forces["inertia"], expected, atol=4e-3)
     assert all(not np.any(forces[name]) for name in PARTS if name != "inertia")
     assert described(law, decays, forces) == words
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "shape", "most"),
+    [
+        ("cubic_stiffness", K / 5e-4**2, 1.0, 0.01),
+        # A kink between knots of the spring.
+        ("gap_contact", K, GAP, 0.04),
+        ("viscous_damping", 3.0, 1.0, 1e-6),
+        ("viscoelastic", K, 1e-3, 0.02),
+        ("coulomb_friction", K, 1e-4, 0.04),
+    ],
+)
+def test_a_general_law_begins_as_what_a_name_does(decays, name, size, shape, most):
+    """By strengths that no law refuses, over a motion that a place is not scaled to."""
+    (kind, *_) = [each for each in kinds() if each.name == name]
+    force = SizedLaw(kind, size, shape).force(decays)
+    largest = 1.2 * float(np.max(np.abs(decays.d)))
+    place = Place("m1", np.ones(1), Scales(largest, 1.0 / 40.0))
+    law = blank_at(place).with_strengths(nearest_strengths(place, decays, force))
+    left = np.asarray(force_in(law, decays)) - force
+    assert np.linalg.norm(left) < most * np.linalg.norm(force)
