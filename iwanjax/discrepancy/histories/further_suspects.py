@@ -4,6 +4,7 @@ Too strong ones are probed with forces of any size; laws of several parameters a
 builds up slowly appears with a longer memory of the observer.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -42,6 +43,7 @@ from iwanjax.identification.multistart import (
 )
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start, Variant
+from iwanjax.joints.motion_only import AbstractMotionOnly
 
 
 def probed(
@@ -162,6 +164,7 @@ def further_laws(
         Where something acts most likely, in order.
     rounds : int
         How many of them may be the right one: so often each law is fitted, at its best place first.
+        One that moves on its own, such as an oscillator, is unknown to the test of places.
     """
     best, known = least(nominal, entries), problem.settings
     enough = known.selection.misfit * left_by_right_model(problem)
@@ -188,10 +191,11 @@ def further_laws(
         for place in places[: 2 * most] if scope.in_time() else ():
             guesses = kind.law.begun(place.scales, **dict(kind.held))
             made.append(_sifted(*hypotheses.with_law(problem, kind, place, guesses, beside)))
-        of_kinds.append(sorted(made, key=lambda each: each.left)[:rounds])
+        tried = most if issubclass(kind.law, AbstractMotionOnly) else rounds
+        of_kinds.append(sorted(made, key=lambda each: each.left)[:tried])
     # Shorter, or none, where the time is over.
-    for likely in zip(*of_kinds, strict=False):
-        for own, starts, _ in likely:
+    for likely in itertools.zip_longest(*of_kinds):
+        for own, starts, _ in filter(None, likely):
             scope.progress(f"refitting {starts[0].hypothesis.label}")
             found += best_of_each([(own, starts)], limits, scope)
         if min(map(cost_of, found), default=math.inf) < enough:
