@@ -16,8 +16,8 @@ from iwanjax.joints.motion_only import AbstractMotionOnly
 from iwanjax.types import ArrayLike, real
 
 # Of starting values: masses over what moves at the place, octaves from one frequency to the next,
-# and the damping ratio.
-_MASSES, _OCTAVES, _DAMPED = (0.01, 0.1), 0.25, 0.1
+# and the damping ratio. From a tenth of it one as heavy as the place was not found.
+_MASSES, _OCTAVES, _DAMPED = (0.01, 0.1, 1.0), 0.25, 0.1
 # Below it a cosine and sine of an angle's root are those of a power series' first terms.
 _SMALL = 1e-8
 # Below it, of stiffness and damper over the mass in units of the step, so many terms are summed.
