@@ -121,9 +121,9 @@ def with_unnamed_law(
         problem, predictor=predictor, joints=(*problem.joints, joint), compiled=set(), _process={}
     )
     hypothesis = replace(other.nothing(), kinds=(kind,), where=(place.label,))
-    unit = np.concatenate([np.ones(problem.parameters), np.full(len(TERMS), force)])
-    whole = [np.pad(each, (0, unit.size - each.size)) / unit for each in z]
-    return other, [Start(hypothesis, other.map.given(each)) for each in whole]
+    p, none = problem.parameters, np.zeros(len(TERMS))
+    whole = [(each[:p], each[p:] / force if each.size > p else none) for each in z]
+    return other, [Start(hypothesis, other.map.given(np.concatenate(each))) for each in whole]
 
 
 def blank_at(place: Place) -> UnnamedLaw:

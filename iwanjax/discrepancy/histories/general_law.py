@@ -95,12 +95,9 @@ def general_law(
         if tried and not scope.in_time():
             break
         scope.progress(f"a general law at {place.label}")
-        named = [
-            as_general_law(e.fitted, problem, place)
-            for e in entries
-            if e.problem is problem and _one_force_at(e.fitted, place)
-        ]
-        begun = problem, UnnamedKind(), place, [*joints, *named[:1]], short
+        forces = [e for e in entries if e.problem is problem and _one_force_at(e.fitted, place)]
+        named = [as_general_law(e.fitted, problem, place) for e in forces[:1]]
+        begun = problem, UnnamedKind(), place, [*joints, *named], short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
     first, *others = sorted(tried, key=lambda each: each.fitted.cost)
     ended = [_gone_on_with(first, scope)]
@@ -148,7 +145,8 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     period = 2.0 * math.pi * largest / fastest
     seen = found.place.scales._replace(deflection=largest, period=period)
     there, z = replace(found.place, scales=seen), found.fitted.theta.mean(axis=0)
-    strengths = nearest_strengths(there, motion, np.asarray(force_in(found.law, motion)))
+    seen_by = _first(motion, problem)
+    strengths = nearest_strengths(there, seen_by, np.asarray(force_in(found.law, seen_by)))
     z = np.concatenate([z[: problem.parameters], strengths])
     begun = problem, UnnamedKind(), there, [z]
     return fit_unnamed_law(*begun, (SHORT_TIME_CONSTANT,), STEPS, scope.in_time)
@@ -173,7 +171,7 @@ def as_general_law(fitted: HypothesisFit, problem: HistoryProblem, place: Place)
     (kind,), theta = fitted.hypothesis.kinds, fitted.theta.mean(axis=0)
     assert isinstance(kind, ForceKind)
     law = SizedLaw(kind, *fitted.hypothesis.physical(theta, problem.map, 0))
-    motion = _motion(problem, fitted, place)
+    motion = _first(_motion(problem, fitted, place), problem)
     strengths = nearest_strengths(place, motion, law.force(motion))
     return np.concatenate([theta[: problem.parameters], strengths])
 
@@ -181,7 +179,8 @@ def as_general_law(fitted: HypothesisFit, problem: HistoryProblem, place: Place)
 def nearest_strengths(place: Place, motion: PlaceMotion, force: np.ndarray) -> np.ndarray:
     """Of a place's general law whose force in some motion is nearest to one.
 
-    By least squares, each strength at least what the law allows.
+    By least squares, each strength at least what the law allows; none where the motion or the force
+    is no number.
 
     Parameters
     ----------
@@ -199,10 +198,12 @@ def nearest_strengths(place: Place, motion: PlaceMotion, force: np.ndarray) -> n
     blank = blank_at(place)
     units = jax.vmap(lambda s: force_in(blank.with_strengths(s), motion))(jnp.eye(len(TERMS)))
     columns = np.asarray(units).reshape(len(TERMS), -1).T
+    if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(force))):
+        return np.zeros(len(TERMS))
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     columns = columns / size
     # Springs may be negative.
-    found, _ = nnls(np.hstack([columns, -columns[:, :ELASTIC]]), np.ravel(force))
+    found, _ = nnls(np.hstack([columns, -columns[:, :ELASTIC]]), np.ravel(force), maxiter=10**5)
     found[:ELASTIC] -= found[len(TERMS) :]
     return found[: len(TERMS)] / size
 
@@ -222,6 +223,13 @@ def _motion(problem: HistoryProblem, fitted: HypothesisFit, place: Place) -> Pla
     d, v, a = (np.asarray(x)[..., 0] for x in (seen.d, seen.v, seen.a))
     dt = float(problem.predictor.dt) * problem.predictor.substeps
     return PlaceMotion(*jax.device_put((d, v, a, np.diff(d, axis=1, prepend=0.0), np.asarray(dt))))
+
+
+def _first(motion: PlaceMotion, problem: HistoryProblem) -> PlaceMotion:
+    """Of long recordings as much as a force is recovered from: every term of a law is as long."""
+    most = problem.settings.illustration.longest
+    d, v, a, moved = (x[:, :most] for x in motion[:4])
+    return PlaceMotion(d, v, a, moved, motion.dt)
 
 
 @eqx.filter_jit

@@ -73,7 +73,7 @@ def _fading(law: UnnamedLaw) -> float:
 
 
 def _grows(law: UnnamedLaw) -> bool:
-    """Whether the masses' forces are more than little of the one that grows."""
+    """Whether the mass that grows is more than little of both."""
     constant, growing = np.array(law.strengths[PARTS["inertia"]])
     return bool(growing > settings().judgement.neighbour * (constant + growing))
 
