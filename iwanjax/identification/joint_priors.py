@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 
 from iwanjax.estimation.transforms import share_of, to_value, to_variable
 from iwanjax.joints import AbstractJoint, ParameterInfo, UnnamedLaw
-from iwanjax.joints.unnamed_terms import ELASTIC, TERMS
+from iwanjax.joints.duhem import FIRST_BRANCH
+from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, TERMS
 from iwanjax.types import Scalar
 
 # Deviations of the joints' parameters about the values that the model was given: of the
@@ -67,28 +68,53 @@ class Joint(eqx.Module):
 class FreeLaw(Joint):
     """A general law whose strengths follow from z: so many of their prior deviations.
 
+    Either all of them but that of the spring that yields along a curve, or that spring in place of
+    the sliders, the yielding springs and the bristles: together these come so near to any
+    hysteresis that no data tell them apart. Its shape comes last in z, about that of the first
+    branch by a factor of e for each.
+
     Attributes
     ----------
     given : UnnamedLaw
         With the scales of its motion; its strengths do not count.
     loose : (terms,) array
         Prior deviations of the strengths, force.
+    duhem : bool
+        Which of the two.
     """
+
+    duhem: bool = eqx.field(default=False, static=True)
+
+    @property
+    def terms(self) -> np.ndarray:
+        """Which strengths are free."""
+        return DUHEM if self.duhem else BANKS
 
     @property
     def count(self) -> int:
-        """Number of terms."""
-        return len(TERMS)
+        """Number of free strengths, and of the shape's."""
+        return self.terms.size + (FIRST_BRANCH.size if self.duhem else 0)
 
     @property
     def least(self) -> np.ndarray:
-        """None but of the spring's: what is negative elsewhere would feed energy."""
-        return np.where(np.arange(self.count) < ELASTIC, -math.inf, 0.0)
+        """None of the spring's, nor of ways back: what is less elsewhere would feed energy."""
+        strengths = np.where(self.terms < ELASTIC, -math.inf, 0.0)
+        if not self.duhem:
+            return strengths
+        back = FIRST_BRANCH.size // 2 + 1
+        return np.concatenate([strengths, np.full(back, -math.inf), -FIRST_BRANCH[back:]])
 
     def at(self, z: Array) -> UnnamedLaw:
         """The law of these strengths."""
         assert isinstance(self.given, UnnamedLaw)
-        return self.given.with_strengths(self.loose * z)
+        free = self.terms
+        found = self.given.with_strengths(self.spread(z))
+        return found.with_branch(FIRST_BRANCH + z[free.size :]) if self.duhem else found
+
+    def spread(self, z: Array) -> Array:
+        """Strengths of all terms, force."""
+        free = self.terms
+        return jnp.zeros(len(TERMS)).at[free].set(self.loose[free] * z[: free.size])
 
 
 def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:

@@ -56,19 +56,26 @@ class UnnamedFit:
     @property
     def law(self) -> UnnamedLaw:
         """The law, its strengths as fitted."""
-        joint, z = self.problem.joints[-1], self.fitted.theta.mean(axis=0)
-        assert isinstance(joint, FreeLaw)
-        own = z[self._own]
-        return joint.at(jax.device_put(np.where(joint.least < 0.0, own, np.maximum(own, 0.0))))
+        joint, z = self.joint, self.fitted.theta.mean(axis=0)[self._own]
+        return joint.at(jax.device_put(np.maximum(z, joint.least)))
 
     @property
     def determined(self) -> np.ndarray:
         """What the recordings say of each term, 0 (nothing) to 1, (terms,)."""
-        known = np.diag(covariance(self.problem, self.fitted, False))[self._own]
-        joint, z = self.problem.joints[-1], self.fitted.theta.mean(axis=0)[self._own]
+        known = np.diag(covariance(self.problem, self.fitted, False))[self._strengths]
+        joint, z = self.joint, self.fitted.theta.mean(axis=0)[self._strengths]
         # At its least value but for rounding: what a force is at most made of counts as none.
-        held = z <= joint.least + 1e-9 * np.max(np.abs(z))
-        return np.where(held, 0.0, np.clip(1.0 - known, 0.0, 1.0))
+        held = z <= joint.least[: z.size] + 1e-9 * np.max(np.abs(z))
+        found = np.zeros(len(TERMS))
+        found[joint.terms] = np.where(held, 0.0, np.clip(1.0 - known, 0.0, 1.0))
+        return found
+
+    @property
+    def joint(self) -> FreeLaw:
+        """The law as it is fitted."""
+        joint = self.problem.joints[-1]
+        assert isinstance(joint, FreeLaw)
+        return joint
 
     def onward(
         self, memories: Sequence[float], steps: int, in_time: Callable[[], bool] = lambda: True
@@ -86,11 +93,19 @@ class UnnamedFit:
     @property
     def _own(self) -> slice:
         last = self.problem.parameters
-        return slice(last - len(TERMS), last)
+        return slice(last - self.joint.count, last)
+
+    @property
+    def _strengths(self) -> slice:
+        return slice(self._own.start, self._own.start + self.joint.terms.size)
 
 
 def with_unnamed_law(
-    problem: HistoryProblem, kind: UnnamedKind, place: Place, z: Sequence[np.ndarray]
+    problem: HistoryProblem,
+    kind: UnnamedKind,
+    place: Place,
+    z: Sequence[np.ndarray],
+    duhem: bool = False,
 ) -> tuple[HistoryProblem, list[Start]]:
     """A general law more at a place, without any force yet, and the search it takes.
 
@@ -103,11 +118,14 @@ def with_unnamed_law(
     place : Place
         Where.
     z : sequence of array
-        Joints to begin with, (parameters,), or these and a law's strengths after them.
+        Joints to begin with, (parameters,), or these, the strengths of the free terms after them
+        and the shape of the curve.
+    duhem : bool
+        Whether with a spring that yields along a curve in place of other hysteresis.
     """
     # As much force as bends the structure as far as the place has moved.
     force, law = place.scales.deflection * place.scales.stiffness, blank_at(place)
-    joint = FreeLaw(law, jnp.full(len(TERMS), force))
+    joint = FreeLaw(law, jnp.full(len(TERMS), force), duhem)
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
@@ -121,9 +139,14 @@ def with_unnamed_law(
         problem, predictor=predictor, joints=(*problem.joints, joint), compiled=set(), _process={}
     )
     hypothesis = replace(other.nothing(), kinds=(kind,), where=(place.label,))
-    p, none = problem.parameters, np.zeros(len(TERMS))
-    whole = [(each[:p], each[p:] / force if each.size > p else none) for each in z]
-    return other, [Start(hypothesis, other.map.given(np.concatenate(each))) for each in whole]
+    p, scale = problem.parameters, np.ones(joint.count)
+    scale[: joint.terms.size] = force
+    whole = []
+    for each in z:
+        own = np.zeros(joint.count)
+        own[: each.size - p] = each[p:]
+        whole.append(np.concatenate([each[:p], own / scale]))
+    return other, [Start(hypothesis, other.map.given(each)) for each in whole]
 
 
 def blank_at(place: Place) -> UnnamedLaw:
@@ -141,6 +164,7 @@ def fit_unnamed_law(
     memories: Sequence[float],
     steps: int,
     in_time: Callable[[], bool] = lambda: True,
+    duhem: bool = False,
 ) -> UnnamedFit:
     """The general law at a place, fitted with longer and longer memories of the observer.
 
@@ -156,8 +180,10 @@ def fit_unnamed_law(
         Of each search, at most.
     in_time : function
         False when it is time to stop.
+    duhem
+        As for :func:`with_unnamed_law`.
     """
-    here, starts = with_unnamed_law(problem, kind, place, z)
+    here, starts = with_unnamed_law(problem, kind, place, z, duhem)
     fits = multistart(here, starts, memories[0], steps, in_time=in_time)
     found = UnnamedFit(place, here, min(fits, key=lambda each: each.cost))
     return found.onward(memories[1:], steps, in_time)
@@ -165,16 +191,16 @@ def fit_unnamed_law(
 
 def loosened(found: UnnamedFit) -> UnnamedFit:
     """The same fit with each part's prior as wide as its strengths are."""
-    problem, fitted = found.problem, found.fitted
-    joint, determined = problem.joints[-1], found.determined
-    loose, z = np.array(joint.loose), fitted.theta.mean(axis=0)[found._own]
+    problem, fitted, joint = found.problem, found.fitted, found.joint
+    determined, z = found.determined, np.zeros(len(TERMS))
+    z[joint.terms] = fitted.theta.mean(axis=0)[found._strengths]
     factor = np.ones(len(TERMS))
     for part in PARTS.values():
         size = math.sqrt(float(np.sum(z[part] ** 2)) / max(float(np.sum(determined[part])), 1e-12))
         factor[part] = min(max(size, 1.0 / _MOST), _MOST)
-    wider = FreeLaw(joint.given, jax.device_put(loose * factor))
+    wider = FreeLaw(joint.given, jax.device_put(np.array(joint.loose) * factor), joint.duhem)
     rescaled = replace(problem, joints=(*problem.joints[:-1], wider))
     theta = fitted.theta.copy()
-    theta[:, found._own] /= factor
+    theta[:, found._strengths] /= factor[joint.terms]
     solution = replace(fitted.solution, values=theta)
     return UnnamedFit(found.place, rescaled, replace(fitted, solution=solution))

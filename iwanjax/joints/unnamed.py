@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from iwanjax.errors import InputError
 from iwanjax.files.trees import read_tree, write_tree
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.duhem import FIRST_BRANCH, DuhemSpring
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.maxwell import Relaxing
 from iwanjax.joints.sliders import SliderBank
@@ -40,6 +41,7 @@ class UnnamedLaw(AbstractJoint):
     .. math:: F = S(x) + R(x, u) + \sum_j s_j\,\frac{\sigma_j}{\phi_j}
               + \sum_m r_m\,\frac{q_m}{D} + \sum_l y_l\,\frac{z_l}{\phi_l}
               + \sum_n b_n w_n + m_0\ddot d + m_2(x^2\ddot d + x\dot d\dot x)
+              + b\,w
 
     S is a cubic spline through the origin whose slope may change at each knot, R a sum of dampers
     :math:`u/(|u| + \epsilon)`, of both sides of u, :math:`u|u|/(|u| + 0.1)`, :math:`u|u|`,
@@ -51,9 +53,10 @@ class UnnamedLaw(AbstractJoint):
     :math:`\phi\dot w = v - |v|\,w/g(u)` yield gradually either way (Dahl 1976), some with
     :math:`g = 1`, others the more the faster as dry friction does (Canudas de Wit et al. 1995),
     :math:`g = (1 + 2e^{-(au)^2})/3`. There is a mass and one that grows with the deflection, as
-    forces at the acceleration :math:`2\pi V/T`. Beyond D the spring goes on straight, beyond V the
-    quadratic and the cubic damper. All but the spring's strengths are at least zero, so that no
-    closed cycle feeds energy.
+    forces at the acceleration :math:`2\pi V/T`, and a spring that yields along a curve of any
+    shape, :math:`dw = f(\pm w)\,|dx|` (:class:`~iwanjax.joints.duhem.DuhemSpring`). Beyond D the
+    spring S goes on straight, beyond V the quadratic and the cubic damper. All but its strengths
+    are at least zero, and :math:`f(w) \le f(-w)` for w > 0, so that no closed cycle feeds energy.
 
     Parameters
     ----------
@@ -64,6 +67,9 @@ class UnnamedLaw(AbstractJoint):
         D, length, and V, length/time: the largest that it was fitted to.
     period : float
         T, time: of the motion it was fitted to, by which relaxation times are chosen.
+    branch : (25,) array_like, optional
+        Logarithms of f(-|w|) D at the nodes of w from 0 to 1, then of f(-w)/f(w) at those after 0;
+        by default Bouc and Wen's with the exponent 1 and a slip of D.
 
     Raises
     ------
@@ -75,10 +81,13 @@ class UnnamedLaw(AbstractJoint):
     # their own: one with an axis would be taken for a batch of parameter sets.
     parameters: ClassVar[tuple[ParameterInfo, ...]] = ()
 
-    strengths: tuple[Array, ...] = eqx.field(converter=lambda x: _row(x))
+    strengths: tuple[Array, ...] = eqx.field(converter=lambda x: _row(x, "strengths"))
     deflection: Array = eqx.field(converter=named("deflection"))
     rate: Array = eqx.field(converter=named("rate"))
     period: Array = eqx.field(converter=named("period"))
+    branch: tuple[Array, ...] = eqx.field(
+        converter=lambda x: _row(x, "branch"), default=tuple(FIRST_BRANCH.tolist())
+    )
 
     @classmethod
     def blank(cls, deflection: float, rate: float, period: float) -> Self:
@@ -87,7 +96,12 @@ class UnnamedLaw(AbstractJoint):
 
     def with_strengths(self, strengths: ArrayLike) -> Self:
         """The same with other strengths, (terms,)."""
-        return type(self)(strengths, self.deflection, self.rate, self.period)
+        return type(self)(strengths, self.deflection, self.rate, self.period, self.branch)
+
+    def with_branch(self, branch: ArrayLike) -> Self:
+        """The same with another shape of the spring that yields along a curve."""
+        strengths = jnp.stack(self.strengths)
+        return type(self)(strengths, self.deflection, self.rate, self.period, branch)
 
     def alone(self, part: str) -> Self:
         """One of the parts by itself, by its name in ``unnamed_terms.PARTS``."""
@@ -139,12 +153,13 @@ class UnnamedLaw(AbstractJoint):
             _yielding(self),
             _bristles(self),
             _masses(self),
+            _duhem(self),
         )
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent): the spring, the sliders and what yields."""
         bank = _bank(self)
-        curves = [_spring(self).curve, _yielding(self).curve, _bristles(self).curve]
+        curves = [_spring(self).curve, *(part(self).curve for part in _YIELDING)]
         curves.append(lambda d: _virgin(bank, d))
 
         def evaluate(d: Array) -> tuple[Array, Array]:
@@ -164,7 +179,7 @@ class UnnamedLaw(AbstractJoint):
     def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
         """Secant of the spring, tangent of the sliders, and of what yields, force/length."""
         amplitude = jnp.abs(real(d))
-        yielded = [part(self).tip_stiffness(amplitude) for part in (_yielding, _bristles)]
+        yielded = [part(self).tip_stiffness(amplitude) for part in _YIELDING]
         return self.alone("spring").secant(d) + _virgin(_bank(self), amplitude)[1] + sum(yielded)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
@@ -188,6 +203,7 @@ class UnnamedLaw(AbstractJoint):
         slipped = jnp.maximum(amplitude[..., None] - bank.phi, 0.0)
         lost = 4.0 * jnp.sum(bank.k * bank.phi * slipped, axis=-1)
         lost = lost + _yielding(self).cycle(amplitude) + _bristles(self).cycle(amplitude, w)
+        lost = lost + _duhem(self).cycle(amplitude)
         angle = w * all_of.relaxing.c
         stored = all_of.relaxation * angle / (1.0 + angle**2)
         lost = lost + jnp.pi * jnp.sum(stored) / self.deflection * amplitude**2
@@ -202,7 +218,7 @@ class UnnamedLaw(AbstractJoint):
         to, bank = real(d), _bank(self)
         amplitude = jnp.abs(real(d_0))
         held = masing_loading(lambda x: _virgin(bank, x), to, amplitude)
-        yielded = [part(self).loading(to, amplitude) for part in (_yielding, _bristles)]
+        yielded = [part(self).loading(to, amplitude) for part in _YIELDING]
         return _spring(self).curve(to)[0] + held + sum(yielded)
 
     def __repr__(self) -> str:
@@ -214,6 +230,11 @@ class UnnamedLaw(AbstractJoint):
 
     def __check_init__(self) -> None:
         """Refuse what is no law, or would feed energy."""
+        if len(self.branch) != FIRST_BRANCH.size:
+            raise InputError(
+                f"UnnamedLaw: branch has {len(self.branch)} numbers; expected {FIRST_BRANCH.size}, "
+                "two for each node but the first"
+            )
         if len(self.strengths) != len(TERMS):
             raise InputError(
                 f"UnnamedLaw: strengths has {len(self.strengths)} numbers; expected {len(TERMS)}, "
@@ -226,6 +247,12 @@ class UnnamedLaw(AbstractJoint):
                 raise InputError(
                     f"UnnamedLaw: {name} = {getattr(self, name)}; expected a positive number"
                 )
+        least = float(np.min(np.stack(self.branch)[FIRST_BRANCH.size // 2 + 1 :]))
+        if not least >= 0.0:
+            raise InputError(
+                f"UnnamedLaw: a logarithm of f(-w)/f(w) in branch is {least:g}; expected at least "
+                "0: less would feed energy"
+            )
         for name, strength in list(zip(TERMS, self.strengths, strict=True))[ELASTIC:]:
             if np.any(np.asarray(strength) < 0.0):
                 raise InputError(
@@ -234,9 +261,9 @@ class UnnamedLaw(AbstractJoint):
                 )
 
 
-def _row(values: ArrayLike | tuple[Array, ...]) -> tuple[Array, ...]:
+def _row(values: ArrayLike | tuple[Array, ...], name: str) -> tuple[Array, ...]:
     """The numbers of a row, one by one."""
-    row = as_real(values, "strengths")
+    row = as_real(values, name)
     # One by one by JAX, each place would be a compilation of its own.
     if is_traced(row):
         return tuple(part[0] for part in jnp.split(row, row.shape[0]))
@@ -260,6 +287,15 @@ def _bristles(law: UnnamedLaw) -> Bristles:
 def _masses(law: UnnamedLaw) -> Masses:
     force = jnp.stack(law.strengths[PARTS["inertia"]])
     return Masses.of(force, law.deflection, law.rate, law.period)
+
+
+def _duhem(law: UnnamedLaw) -> DuhemSpring:
+    force = law.strengths[PARTS["duhem"].start]
+    back, held = jnp.split(jnp.stack(law.branch), [FIRST_BRANCH.size // 2 + 1])
+    return DuhemSpring.of(force, law.deflection, back, held)
+
+
+_YIELDING = (_yielding, _bristles, _duhem)
 
 
 def _bank(law: UnnamedLaw) -> SliderBank:

@@ -8,6 +8,7 @@ from jaxtyping import Array
 
 from iwanjax.joints.attached_oscillator import AttachedState
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
+from iwanjax.joints.duhem import DuhemSpring
 from iwanjax.joints.maxwell import Relaxing, RelaxingState
 from iwanjax.joints.sliders import SliderBank, SliderState
 from iwanjax.joints.unnamed_inertia import Masses
@@ -32,6 +33,8 @@ class UnnamedState(NamedTuple):
         Shares of their slip of the bristles.
     masses : AttachedState
         Of both masses, (2, ...).
+    branch : array
+        Share of its force of the spring that yields along a curve.
     """
 
     d: Array
@@ -41,6 +44,7 @@ class UnnamedState(NamedTuple):
     z: Array
     w: Array
     masses: AttachedState
+    branch: Array
 
 
 class Unnamed(AbstractDiscrete):
@@ -66,6 +70,8 @@ class Unnamed(AbstractDiscrete):
         Springs that yield gradually either way, some the more the faster.
     masses : Masses
         One of constant size, and one that grows with the deflection.
+    duhem : DuhemSpring
+        A spring that yields along a curve of any shape.
     """
 
     spring: SplineSpring
@@ -78,6 +84,7 @@ class Unnamed(AbstractDiscrete):
     yielding: YieldingSprings
     bristles: Bristles
     masses: Masses
+    duhem: DuhemSpring
     rate_dependent: ClassVar[bool] = True
 
     def init(self) -> UnnamedState:
@@ -85,7 +92,8 @@ class Unnamed(AbstractDiscrete):
         zero = jnp.zeros(())
         relaxing = self.relaxing.init()._replace(d=zero)
         still = jnp.zeros_like(self.yielding.force), jnp.zeros_like(self.bristles.force)
-        return UnnamedState(zero, zero, self.bank.init(), relaxing, *still, self.masses.init())
+        carried = self.masses.init()
+        return UnnamedState(zero, zero, self.bank.init(), relaxing, *still, carried, zero)
 
     def damper(self, d: Array, v: Array) -> Array:
         """Force of the dampers, against the motion whatever it is."""
@@ -114,6 +122,8 @@ class Unnamed(AbstractDiscrete):
         # Of the state's own deflection: what settles a step has moved it.
         moved = d - state.d
         z, slope = jax.jvp(lambda by: yielding.onward(state.z, by), (moved,), (one,))
+        duhem = self.duhem
+        branch, leaning = jax.jvp(lambda by: duhem.onward(state.branch, by), (moved,), (one,))
         mean = 0.5 * (state.v + v)
         w, bent = jax.jvp(lambda by: bristles.onward(state.w, by, mean), (moved,), (one,))
         _, faded = jax.jvp(lambda v: bristles.onward(state.w, moved, v), (mean,), (0.5 * one,))
@@ -132,25 +142,28 @@ class Unnamed(AbstractDiscrete):
             + jnp.sum(share * relaxed.force)
             + jnp.sum(yielding.force * z)
             + jnp.sum(bristles.force * w)
-            + carried.force,
+            + carried.force
+            + duhem.force * branch,
             stiffness
             + by_d
             + slid.stiffness
             + jnp.sum(share * relaxed.stiffness)
             + jnp.sum(yielding.force * slope)
             + jnp.sum(bristles.force * bent)
-            + carried.stiffness,
+            + carried.stiffness
+            + duhem.force * leaning,
             by_v
             + jnp.sum(share * relaxed.damping)
             + jnp.sum(bristles.force * faded)
             + carried.damping,
-            UnnamedState(d, v, slid.state, relaxed.state, z, w, carried.state),
+            UnnamedState(d, v, slid.state, relaxed.state, z, w, carried.state, branch),
             lost
             + slid.loss
             + jnp.sum(share * relaxed.loss)
             + yielding.lost(state.z, z, moved)
             + bristles.lost(state.w, w, moved, mean)
-            + carried.loss,
+            + carried.loss
+            + duhem.lost(state.branch, branch, moved),
         )
 
     def settled(
@@ -163,7 +176,9 @@ class Unnamed(AbstractDiscrete):
         w = self.bristles.onward(state.w, by, state.v)
         sliders = at._replace(d=at.d + by, stretch=stretch)
         masses = self.masses.settled(state.masses, state.d, state.v, by, faster)
-        return UnnamedState(state.d + by, state.v + faster, sliders, state.relaxing, z, w, masses)
+        branch = self.duhem.onward(state.branch, by)
+        ends = state.d + by, state.v + faster
+        return UnnamedState(*ends, sliders, state.relaxing, z, w, masses, branch)
 
     def haste(self, dt: Array) -> Array:
         """Of the fastest relaxing spring that has any strength."""
@@ -177,5 +192,5 @@ class Unnamed(AbstractDiscrete):
             for part, share in ((self.yielding, state.z), (self.bristles, state.w))
         ]
         held = self.bank.energy(d, state.sliders)
-        moving = self.masses.energy(state.masses)
-        return self.spring.energy(d) + held + relaxed + sum(pulled) + moving
+        others = self.masses.energy(state.masses) + self.duhem.energy(state.branch)
+        return self.spring.energy(d) + held + relaxed + sum(pulled) + others

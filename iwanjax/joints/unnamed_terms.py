@@ -4,7 +4,7 @@ All are of a place's motion over its largest: x = d/D, u = v/V.
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _Grid = Float[np.ndarray, " points"]
 
@@ -104,6 +104,7 @@ def _terms() -> tuple[str, ...]:
             for phi, fading in zip(BRISTLES, FADING, strict=True)
         ),
         *MASSES,
+        "spring that yields along a curve",
     )
 
 
@@ -140,6 +141,7 @@ def _parts() -> dict[str, slice]:
         ("yielding", len(YIELDS)),
         ("bristles", len(BRISTLES)),
         ("inertia", len(MASSES)),
+        ("duhem", 1),
     ):
         found[name] = slice(first, first + count)
         first += count
@@ -150,3 +152,14 @@ PARTS = _parts()
 """Where the strengths of each part stand."""
 ELASTIC = PARTS["spring"].stop
 """How many belong to the spring, and may be negative."""
+
+
+def _without(*parts: str) -> Int[np.ndarray, " terms"]:
+    left_out = np.concatenate([np.arange(len(TERMS))[PARTS[name]] for name in parts])
+    return np.setdiff1d(np.arange(len(TERMS)), left_out)
+
+
+BANKS = _without("duhem")
+"""All terms side by side, without the spring that yields along a curve."""
+DUHEM = _without("sliders", "yielding", "bristles")
+"""With that spring in place of other hysteresis."""

@@ -35,7 +35,8 @@ from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit, blank_at, fit_unnamed_law
 from iwanjax.joints import PlaceMotion, UnnamedLaw
-from iwanjax.joints.unnamed_terms import ELASTIC, TERMS
+from iwanjax.joints.duhem import FIRST_BRANCH, nearest_branch, scaled
+from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, PARTS, TERMS
 
 # Of the logarithm of a largest deflection: a quarter of the outermost interval of the spring.
 _TO_SCALE = 0.05
@@ -73,7 +74,8 @@ def general_law(
     Each of the places where something acts most likely, by all laws there at once, is tried for a
     few steps: from the joints of the nominal fit and as given, and from what the best named force
     there does, for from no force there may be no way to a large one. The best is gone on with, for
-    as long as it gains, and the others as well where it leaves much more than noise.
+    as long as it gains, as it is or with a spring that yields along a curve in place of other
+    hysteresis; the others as well where it leaves much more than noise.
 
     Parameters
     ----------
@@ -100,13 +102,48 @@ def general_law(
         begun = problem, UnnamedKind(), place, [*joints, *named], short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
     first, *others = sorted(tried, key=lambda each: each.fitted.cost)
-    ended = [_gone_on_with(first, scope)]
+    ended = [_best_way(first, problem, scope)]
     if ended[0].fitted.cost > FAR * left_by_noise(problem):
         others = [each.onward(short, STEPS, scope.in_time) for each in others]
     ended += others
     odds = _odds(ended)
     best = int(np.argmax(odds))
     return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]))
+
+
+def _best_way(first: UnnamedFit, problem: HistoryProblem, scope: Scope) -> UnnamedFit:
+    """Gone on with as it is, or with a spring that yields along a curve, whichever is ahead.
+
+    Both, where the one leaves more than noise.
+    """
+    ended: list[UnnamedFit] = []
+    enough = problem.settings.selection.misfit * left_by_noise(problem)
+    ways = first, _along_a_curve(first, problem, scope)
+    for way in sorted(ways, key=lambda each: each.fitted.cost):
+        if not ended or ended[0].fitted.cost > enough:
+            ended.append(_gone_on_with(way, scope))
+    return min(ended, key=lambda each: each.fitted.cost)
+
+
+def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> UnnamedFit:
+    """A fit with a spring that yields along a curve, which begins as the force that is known."""
+    place = found.place
+    scope.progress(f"a general law at {place.label}, which yields along a curve")
+    law, motion = found.law, _first(motion_of(found), problem)
+    joints = found.fitted.theta.mean(axis=0)[: problem.parameters]
+    hysteresis = np.isin(np.arange(len(TERMS)), DUHEM, invert=True) * jnp.stack(law.strengths)
+    starts = []
+    # What it yields with: all of the force, or what of it is hysteresis.
+    for part, others in ((law, 0.0), (law.with_strengths(hysteresis), 1.0)):
+        force = np.asarray(force_in(part, motion))
+        strength, branch = nearest_branch(np.asarray(motion.d), np.asarray(motion.v), force)
+        strengths = others * np.stack(law.strengths)
+        strengths[PARTS["duhem"]] = strength
+        branch = scaled(branch, float(law.deflection))
+        starts.append(np.concatenate([joints, strengths[DUHEM], branch - FIRST_BRANCH]))
+    short = (SHORT_TIME_CONSTANT,)
+    begun = problem, UnnamedKind(), place, starts, short, SEARCH.head_start
+    return fit_unnamed_law(*begun, scope.in_time, duhem=True)
 
 
 def _gone_on_with(found: UnnamedFit, scope: Scope) -> UnnamedFit:
@@ -146,10 +183,20 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     seen = found.place.scales._replace(deflection=largest, period=period)
     there, z = replace(found.place, scales=seen), found.fitted.theta.mean(axis=0)
     seen_by = _first(motion, problem)
-    strengths = nearest_strengths(there, seen_by, np.asarray(force_in(found.law, seen_by)))
-    z = np.concatenate([z[: problem.parameters], strengths])
+    joint, law = found.joint, found.law
+    # The curve is brought to the scale as it is, other terms by the force that they make.
+    terms = np.setdiff1d(joint.terms, np.arange(len(TERMS))[PARTS["duhem"]])
+    others = np.isin(np.arange(len(TERMS)), terms) * jnp.stack(law.strengths)
+    force = np.asarray(force_in(law.with_strengths(others), seen_by))
+    own = nearest_strengths(there, seen_by, force, terms)[joint.terms]
+    if joint.duhem:
+        own[joint.terms >= PARTS["duhem"].start] = float(law.strengths[PARTS["duhem"]][0])
+        branch = scaled(np.stack(law.branch), largest / float(law.deflection))
+        own = np.concatenate([own, branch - FIRST_BRANCH])
+    z = np.concatenate([z[: problem.parameters], own])
     begun = problem, UnnamedKind(), there, [z]
-    return fit_unnamed_law(*begun, (SHORT_TIME_CONSTANT,), STEPS, scope.in_time)
+    short = (SHORT_TIME_CONSTANT,)
+    return fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
 
 
 def _one_force_at(fitted: HypothesisFit, place: Place) -> bool:
@@ -172,11 +219,13 @@ def as_general_law(fitted: HypothesisFit, problem: HistoryProblem, place: Place)
     assert isinstance(kind, ForceKind)
     law = SizedLaw(kind, *fitted.hypothesis.physical(theta, problem.map, 0))
     motion = _first(_motion(problem, fitted, place), problem)
-    strengths = nearest_strengths(place, motion, law.force(motion))
-    return np.concatenate([theta[: problem.parameters], strengths])
+    strengths = nearest_strengths(place, motion, law.force(motion), BANKS)
+    return np.concatenate([theta[: problem.parameters], strengths[BANKS]])
 
 
-def nearest_strengths(place: Place, motion: PlaceMotion, force: np.ndarray) -> np.ndarray:
+def nearest_strengths(
+    place: Place, motion: PlaceMotion, force: np.ndarray, terms: np.ndarray
+) -> np.ndarray:
     """Of a place's general law whose force in some motion is nearest to one.
 
     By least squares, each strength at least what the law allows; none where the motion or the force
@@ -190,22 +239,27 @@ def nearest_strengths(place: Place, motion: PlaceMotion, force: np.ndarray) -> n
         Of the place, (recordings, N).
     force : (recordings, N) array
         To be come near to.
+    terms : array of int
+        Which may have any strength, all of the spring among them.
 
     Returns
     -------
     (terms,) array
+        Of all terms.
     """
-    blank = blank_at(place)
-    units = jax.vmap(lambda s: force_in(blank.with_strengths(s), motion))(jnp.eye(len(TERMS)))
-    columns = np.asarray(units).reshape(len(TERMS), -1).T
+    blank, strengths = blank_at(place), np.zeros(len(TERMS))
+    each = jnp.eye(len(TERMS))[terms]
+    units = jax.vmap(lambda s: force_in(blank.with_strengths(s), motion))(each)
+    columns = np.asarray(units).reshape(len(terms), -1).T
     if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(force))):
-        return np.zeros(len(TERMS))
+        return strengths
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     columns = columns / size
     # Springs may be negative.
     found, _ = nnls(np.hstack([columns, -columns[:, :ELASTIC]]), np.ravel(force), maxiter=10**5)
-    found[:ELASTIC] -= found[len(TERMS) :]
-    return found[: len(TERMS)] / size
+    found[:ELASTIC] -= found[len(terms) :]
+    strengths[terms] = found[: len(terms)] / size
+    return strengths
 
 
 def motion_of(fit: UnnamedFit) -> PlaceMotion:

@@ -44,15 +44,17 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
         else:
             words.append(_growth(np.asarray(motion.v), parts["damper"]))
     fading = acting & {"bristles"} and bool(_fading(law) > settings().judgement.neighbour)
-    if acting & {"sliders", "yielding"} or ("bristles" in acting and not fading):
+    if acting & {"sliders", "yielding", "duhem"} or ("bristles" in acting and not fading):
         words.append("rate-independent hysteresis")
+    if "duhem" in acting and _pinched(law):
+        words.append("pinched")
     if fading:
         words.append("friction that weakens with the rate")
     if "relaxation" in acting:
         words.append("a force that relaxes with time")
     if "inertia" in acting:
         words.append("inertia that grows with the deflection" if _grows(law) else "inertia")
-    if not acting & {"sliders", "relaxation", "yielding", "bristles"}:
+    if not acting & {"sliders", "relaxation", "yielding", "bristles", "duhem"}:
         words.append("no memory")
     return ", ".join(words)
 
@@ -70,6 +72,14 @@ def _fading(law: UnnamedLaw) -> float:
         for share in (settings().judgement.neighbour, 1.0)
     )
     return 1.0 - fast / max(slow, 1e-300)
+
+
+def _pinched(law: UnnamedLaw) -> bool:
+    """Whether a branch that grows away from zero stiffens again, as where something closes."""
+    f = np.asarray(law.discrete().duhem.f)
+    onward = f[f.size // 2 :]
+    least = np.minimum.accumulate(onward)
+    return bool(np.any(onward > (1.0 + settings().judgement.neighbour) * least))
 
 
 def _grows(law: UnnamedLaw) -> bool:

@@ -200,15 +200,14 @@ def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce
 def _backbone(fit: UnnamedFit) -> tuple[np.ndarray, np.ndarray]:
     """Virgin curve over the motion's range, (2, points), and its deviation.
 
-    Linear in the strengths, whose covariance is that of the fit.
+    Linear in what the law is fitted by, with the covariance of the fit.
     """
-    law, last = fit.law, fit.problem.parameters
+    law, joint, last = fit.law, fit.problem.joints[-1], fit.problem.parameters
     reach = float(law.deflection)
     d = np.linspace(-reach, reach, 201)
-    strengths = jnp.stack(law.strengths)
-    slopes = np.asarray(jax.jacfwd(lambda s: law.with_strengths(s).backbone(d))(strengths))
-    slopes = slopes * np.asarray(fit.problem.joints[-1].loose)
-    own = slice(last - slopes.shape[1], last)
+    own = slice(last - joint.count, last)
+    z = jnp.asarray(fit.fitted.theta.mean(axis=0)[own])
+    slopes = np.asarray(jax.jacfwd(lambda z: joint.at(z).backbone(d))(z))
     known = covariance(fit.problem, fit.fitted)[own, own]
     variance = np.einsum("di,ij,dj->d", slopes, known, slopes)
     return np.stack([d, np.asarray(law.backbone(d))]), np.sqrt(np.maximum(variance, 0.0))

@@ -11,8 +11,9 @@ from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.places import Place
 from iwanjax.identification.unnamed_law import blank_at
 from iwanjax.joints import Gap, Jenkins, PlaceMotion, UnnamedLaw, hysteresis
+from iwanjax.joints.duhem import FIRST_BRANCH, NODES
 from iwanjax.joints.force_law import Scales
-from iwanjax.joints.unnamed_terms import PARTS, TERMS
+from iwanjax.joints.unnamed_terms import BANKS, PARTS, TERMS
 
 K, GAP, SLIP = 4e4, 1.2e-4, 2e-5
 NAMES = ("coulomb_friction", "gap_contact", "cubic_stiffness", "viscous_damping", "viscoelastic")
@@ -65,6 +66,23 @@ def test_of_no_names_there_is_no_pair(decays):
 
 
 @pytest.mark.parametrize(
+    ("deep", "words"),
+    [
+        (0.0, "rate-independent hysteresis"),
+        (0.8, "rate-independent hysteresis, pinched"),
+    ],
+)
+def test_a_branch_that_stiffens_again_is_called_pinched(decays, deep, words):
+    side = NODES[NODES.size // 2 :]
+    back, held = np.split(FIRST_BRANCH, [side.size])
+    onward = 1.0 - deep * np.exp(-(((side - 0.1) / 0.2) ** 2))
+    branch = np.concatenate([back, held - np.log(onward[1:])])
+    law = UnnamedLaw(np.eye(len(TERMS))[PARTS["duhem"].start], 5e-4, 0.1, 0.025, branch)
+    forces = {name: np.asarray(force_in(law.alone(name), decays)) for name in PARTS}
+    assert described(law, decays, forces) == words
+
+
+@pytest.mark.parametrize(
     ("which", "words"),
     [
         (0, "inertia, no memory"),
@@ -102,6 +120,6 @@ def test_a_general_law_begins_as_what_a_name_does(decays, name, size, shape, mos
     force = SizedLaw(kind, size, shape).force(decays)
     largest = 1.2 * float(np.max(np.abs(decays.d)))
     place = Place("m1", np.ones(1), Scales(largest, 1.0 / 40.0))
-    law = blank_at(place).with_strengths(nearest_strengths(place, decays, force))
+    law = blank_at(place).with_strengths(nearest_strengths(place, decays, force, BANKS))
     left = np.asarray(force_in(law, decays)) - force
     assert np.linalg.norm(left) < most * np.linalg.norm(force)
