@@ -15,9 +15,10 @@ from iwanjax.joints.inertia import Inertia
 from iwanjax.joints.motion_only import AbstractMotionOnly
 from iwanjax.types import ArrayLike, real
 
-# Of starting values: masses over what moves at the place, octaves from one frequency to the next,
-# and the damping ratio. From a tenth of it one as heavy as the place was not found.
-_MASSES, _OCTAVES, _DAMPED = (0.01, 0.1, 1.0), 0.25, 0.1
+# Of starting values: masses over what moves at the place, half a decade apart; octaves from one
+# frequency to the next, and the damping ratio. From a tenth of it one as heavy as the place was not
+# found, from a hundredth none of 0.3 % of it that left ten times the noise.
+_MASSES, _OCTAVES, _DAMPED = (10.0 ** (-0.5 * np.arange(8))).tolist(), 0.25, 0.1
 # Below it a cosine and sine of an angle's root are those of a power series' first terms.
 _SMALL = 1e-8
 # Below it, of stiffness and damper over the mass in units of the step, so many terms are summed.
