@@ -89,8 +89,8 @@ class ChangingStiffness(AbstractMotionOnly, AbstractForceLaw):
         )
 
     def grown(self, t: Array) -> Array:
-        """Stiffness after a time, force/length."""
-        return -self.rate * self.tau * jnp.expm1(-t / self.tau)
+        """Stiffness after a time, force/length; none before the beginning."""
+        return -self.rate * self.tau * jnp.expm1(-jnp.maximum(t, 0.0) / self.tau)
 
     def follow(self, motion: PlaceMotion, memory: Array) -> tuple[Array, Array]:
         """As stiff as it is at the end of the step; the time is remembered."""

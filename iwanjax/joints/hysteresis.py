@@ -1,5 +1,6 @@
 """One element driven along a history of deflections."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -11,6 +12,7 @@ from jaxtyping import Array, Float
 from iwanjax.errors import InputError
 from iwanjax.joints.abstract import AbstractJoint
 from iwanjax.joints.discrete import AbstractDiscrete
+from iwanjax.joints.iwan import AbstractIwan
 from iwanjax.joints.sliders import SLIDERS
 from iwanjax.types import ArrayLike, as_real, is_traced
 
@@ -21,6 +23,8 @@ def hysteresis(
     *,
     sliders: int | None = SLIDERS,
     dt: ArrayLike | None = None,
+    varying: Mapping[str, ArrayLike] | None = None,
+    lead: ArrayLike = 0.0,
 ) -> Float[Array, "..."]:
     """Force of an element along a history of deflections, from rest at d = 0 on.
 
@@ -40,6 +44,13 @@ def hysteresis(
     dt : float or array, optional
         Time between two values, or of d's shape the time that leads to each, for elements whose
         force depends on rate.
+    varying : mapping of str to (..., N) array, optional
+        Parameters that change, by name, their values beside those of d: with temperature, voltage
+        or a normal force. The element keeps its state, that is the stretch of sliders' springs;
+        one that is stretched further than it now withstands slips. Iwan elements have sliders then.
+    lead : float or (...) array, optional
+        Time from rest to where the recording begins, s, for elements that change from its
+        beginning on.
 
     Returns
     -------
@@ -49,8 +60,8 @@ def hysteresis(
     Raises
     ------
     InputError
-        For values that are not finite, a step that is not positive, and rate-dependent
-        elements without one.
+        For values that are not finite, a step that is not positive, rate-dependent
+        elements without one, and parameters that change which the joint has not.
 
     Examples
     --------
@@ -58,12 +69,15 @@ def hysteresis(
     >>> joint = ij.Jenkins(F_S=1.0, K_T=1.0)
     >>> ij.hysteresis(joint, [0.0, 2.0, 1.0, -2.0]).tolist()  # sticks again after the reversal at 2
     [0.0, 1.0, 0.0, -1.0]
+    >>> ij.hysteresis(joint, [0.0, 2.0, 3.0], varying={"F_S": [1.0, 1.0, 1.5]}).tolist()
+    [0.0, 1.0, 1.5]
     """
     d = as_real(d_history, "d_history")
     if d.ndim == 0:
         raise InputError("d_history is a number; expected an array of at least one axis")
     if isinstance(joint, AbstractJoint) and any(jnp.ndim(leaf) for leaf in jax.tree.leaves(joint)):
         raise InputError(f"hysteresis drives one parameter set; {joint!r} carries a batch")
+    changing = {name: as_real(x, name) for name, x in (varying or {}).items()}
     element = joint if isinstance(joint, AbstractDiscrete) else joint.discrete(sliders)
     if dt is None and element.rate_dependent:
         raise InputError(
@@ -74,22 +88,53 @@ def hysteresis(
     known = dt is None or is_traced(dt) or bool(np.all(np.asarray(dt) > 0))
     if step.shape not in ((), d.shape) or not known:
         raise InputError(f"hysteresis: dt = {dt}; expected a positive number, or one of each value")
-    rows, steps = (x.reshape(-1, d.shape[-1]) for x in (d, jnp.broadcast_to(step, d.shape)))
-    return _driven(element, rows, steps).reshape(d.shape)
+    for name, x in changing.items():
+        known = [] if isinstance(joint, AbstractDiscrete) else [i.name for i in joint.parameters]
+        if name not in known or x.shape != d.shape:
+            raise InputError(
+                f"hysteresis: varying: {name} of shape {x.shape}; expected one of "
+                f"{', '.join(known) or 'a joint, which has parameters'}, of shape {d.shape} as d"
+            )
+    rows, steps, *rest = (
+        x.reshape(-1, d.shape[-1]) for x in (d, jnp.broadcast_to(step, d.shape), *changing.values())
+    )
+    now = dict(zip(changing, rest, strict=True))
+    before = jnp.broadcast_to(as_real(lead, "lead"), d.shape[:-1]).reshape(-1)
+    return _driven(joint if now else element, sliders, rows, steps, now, before).reshape(d.shape)
 
 
 @eqx.filter_jit
-def _driven(element: AbstractDiscrete, d: Array, dt: Array) -> Array:
-    def one(history: Array, steps: Array) -> Array:
-        def advance(state: Any, ends: tuple[Array, Array, Array]) -> tuple[Any, Array]:
-            to, moved, dt = ends
-            reaction = element.step(to, moved / dt, dt, state)
+def _driven(
+    element: AbstractJoint | AbstractDiscrete,
+    sliders: int | None,
+    d: Array,
+    dt: Array,
+    varying: dict[str, Array],
+    lead: Array,
+) -> Array:
+    """A discrete element, or a joint that is made into one anew at each value."""
+
+    def at(values: dict[str, Array]) -> AbstractDiscrete:
+        if isinstance(element, AbstractDiscrete):
+            return element
+        joint = element.with_parameters(**values)
+        if isinstance(joint, AbstractIwan) and values:
+            # Neither reversals nor slip fronts know how far springs are stretched.
+            return joint.slider_bank(SLIDERS if sliders is None else sliders)
+        return joint.discrete(sliders)
+
+    def one(history: Array, steps: Array, values: dict[str, Array], lead: Array) -> Array:
+        def advance(state: Any, ends: tuple[Any, ...]) -> tuple[Any, Array]:
+            to, moved, dt, now = ends
+            reaction = at(now).step(to, moved / dt, dt, state)
             return reaction.state, reaction.force
 
         moved = jnp.diff(history, prepend=0.0)
-        return jax.lax.scan(advance, element.init(), (history, moved, steps))[1]
+        first = at({name: x[0] for name, x in values.items()})
+        begin = first.earlier(first.init(), lead)
+        return jax.lax.scan(advance, begin, (history, moved, steps, values))[1]
 
-    return jax.vmap(one)(d, dt)
+    return jax.vmap(one)(d, dt, varying, lead)
 
 
 def last_amplitude(d: np.ndarray) -> float:
