@@ -34,7 +34,7 @@ _KEYS: dict[Kind, tuple[str, ...]] = {
     "curves": (*_EVERY, "response", "mode"),
     "response_control": (*_EVERY, "response", "mode", "levels"),
     "force_control": (*_EVERY, "response", "mode", "levels"),
-    "loop": (*_EVERY, "joint", "sampling_rate", "response", "force"),
+    "loop": (*_EVERY, "joint", "sampling_rate", "response", "force", "channels"),
 }
 # What files call the attributes of a Measurement that are named otherwise.
 _IN_FILES = {"start": "from", "end": "to"}
@@ -123,8 +123,8 @@ def _entry(
                 "coordinates when the ground moves by 1 and nothing deforms",
             )
         known(source, (*place, "force", "inputs", j), label, names.inputs, "input")
-    if section.levels is not None:
-        once(source, (*place, "levels"), section.levels)
+    for key, given in (("levels", section.levels), ("channels", section.channels)):
+        once(source, (*place, key), given or ())
     return RecordingEntry(
         path=path,
         kind=section.kind,
@@ -139,6 +139,7 @@ def _entry(
         index=section.index,
         levels=section.levels,
         joint=_joint(source, place, section, names),
+        channels=section.channels,
         start=section.start,
         end=section.end,
         initial=section.initial,

@@ -142,6 +142,7 @@ def read_force_loop(entry: RecordingEntry) -> ForceLoop:
             sampling_rate=entry.sampling_rate,
             unit=entry.response.unit,
             force_unit=entry.force.unit if entry.force else "",
+            channels=entry.channels,
         )
 
 

@@ -91,6 +91,7 @@ class RecordingSection(ConfigSection):
     modes: Annotated[_Names, Field(min_length=1)] | None = None
     levels: Annotated[tuple[Positive, ...], Field(min_length=1), OneOrMore] | None = None
     joint: str | None = None
+    channels: _Names = ()
     start: Annotated[float | None, Field(alias="from")] = None
     end: Annotated[float | None, Field(alias="to")] = None
     initial: Initial | None = None
@@ -175,6 +176,8 @@ class RecordingEntry:
         Which controlled levels of the file; None for all.
     joint : str or None
         Whose loop it is.
+    channels : tuple of str
+        What a loop's file calls further channels that the joint may depend on.
     start, end : float or None
         Part of the record that is used, s on its own time axis.
     initial : {"rest", "unknown", "periodic"} or None
@@ -198,6 +201,7 @@ class RecordingEntry:
     index: tuple[int, ...] | None = None
     levels: tuple[float, ...] | None = None
     joint: str | None = None
+    channels: tuple[str, ...] = ()
     start: float | None = None
     end: float | None = None
     initial: Initial | None = None

@@ -2,7 +2,8 @@
 
 import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,9 @@ class ForceLoop(AbstractResult):
         Time between two values, s; without it nothing can depend on rate.
     unit, force_unit : str
         Labels of deflection and force; values are never converted.
+    channels : mapping of str to (N,) array_like or float, optional
+        What else was recorded and the joint may depend on, by name: a temperature, a voltage, a
+        bolt's or a normal force, in any unit; one number where it was the same throughout.
 
     Raises
     ------
@@ -56,6 +60,9 @@ class ForceLoop(AbstractResult):
     >>> loop = ij.ForceLoop(d, ij.hysteresis(ij.Jenkins(F_S=1.0, K_T=1.0), d), name="J1, 2 mm")
     >>> loop.d.shape, float(np.max(loop.force))
     ((100,), 1.0)
+    >>> hot = ij.ForceLoop(loop.d, loop.force, channels={"temperature_c": 60.0})
+    >>> hot.channels["temperature_c"].shape
+    (100,)
     """
 
     d: np.ndarray
@@ -64,6 +71,7 @@ class ForceLoop(AbstractResult):
     dt: float | None = None
     unit: str = ""
     force_unit: str = ""
+    channels: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __init__(
         self,
@@ -73,6 +81,7 @@ class ForceLoop(AbstractResult):
         dt: float | None = None,
         unit: str = "",
         force_unit: str = "",
+        channels: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         object.__setattr__(self, "d", _history(d, "displacement"))
         object.__setattr__(self, "force", _history(force, "force"))
@@ -87,6 +96,19 @@ class ForceLoop(AbstractResult):
                 f"displacement has {self.d.size} values and force {self.force.size}; expected as "
                 "many of both"
             )
+        beside = {key: _beside(x, key, self.d.size) for key, x in (channels or {}).items()}
+        object.__setattr__(self, "channels", beside)
+
+    @property
+    def duration(self) -> float:
+        """From the first value to the last, s; NaN without a time step."""
+        return math.nan if self.dt is None else (self.d.size - 1) * self.dt
+
+    @property
+    def period(self) -> float:
+        """Time of a cycle, mean over those that take 2 % of the stroke at least; NaN likewise."""
+        ends = self._ends()
+        return 2.0 * self.duration / max(len(ends) - 1, 1)
 
     @property
     def noise(self) -> float:
@@ -102,33 +124,35 @@ class ForceLoop(AbstractResult):
         r"""Standard deviation of the force between cycles, at equal deflection on equal branches.
 
         Of each run between two reversals the force is taken at common deflections; runs of one
-        direction between like ends, within 2 % of the stroke, are compared with their mean.
-        NaN where no two runs are alike.
+        direction between like ends, within 2 % of the stroke, are compared with their mean, or
+        where there are further channels with a straight line in them: what follows these is no
+        scatter. NaN where no two runs are alike.
         """
-        turns = np.flatnonzero(np.diff(np.sign(np.diff(self.d))) != 0) + 1
-        stroke = float(np.ptp(self.d))
-        ends = _outermost(self.d, turns, _AT_REST * stroke)
-        runs: dict[bool, list[np.ndarray]] = {True: [], False: []}
+        ends = self._ends()
+        held = (self.force, *self.channels.values())
+        runs: dict[bool, list[list[np.ndarray]]] = {True: [], False: []}
         low, high = (1.0 - _AT_REST) * self.d.min(), (1.0 - _AT_REST) * self.d.max()
         at = np.linspace(low, high, _FEWEST * _FEWEST)
         for a, b in itertools.pairwise(ends):
-            x, y = self.d[a : b + 1], self.force[a : b + 1]
+            x = self.d[a : b + 1]
             if min(x[0], x[-1]) > low or max(x[0], x[-1]) < high:
                 continue
-            rises = bool(x[-1] > x[0])
             order = np.argsort(x, kind="stable")
-            runs[rises].append(np.interp(at, x[order], y[order]))
-        found = [np.array(each) for each in runs.values() if len(each) > 1]
-        freedom = sum((len(each) - 1) * at.size for each in found)
-        if not freedom:
-            return math.nan
-        squares = sum(float(np.sum((each - each.mean(axis=0)) ** 2)) for each in found)
-        return math.sqrt(squares / freedom)
+            some = [np.interp(at, x[order], y[a : b + 1][order]) for y in held]
+            runs[bool(x[-1] > x[0])].append(some)
+        parts = [_off_a_line(np.array(each)) for each in runs.values() if len(each) > 1]
+        freedom = sum(free for _, free in parts)
+        return math.sqrt(sum(squares for squares, _ in parts) / freedom) if freedom else math.nan
 
     @property
     def may_begin_at_rest(self) -> bool:
         """Whether it begins undeflected; what a load cell shows then may be its own zero."""
         return abs(self.d[0]) <= _AT_REST * float(np.abs(self.d).max())
+
+    def _ends(self) -> list[int]:
+        """Where its runs begin and end."""
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(self.d))) != 0) + 1
+        return _outermost(self.d, turns, _AT_REST * float(np.ptp(self.d)))
 
     def before(self, at_rest: bool) -> np.ndarray:
         """(2,) deflections that lead from rest to where it begins.
@@ -141,6 +165,23 @@ class ForceLoop(AbstractResult):
         ends = np.array([self.d.max(), self.d.min()])
         moved = self.d[np.argmax(self.d != self.d[0])] - self.d[0]
         return ends if moved > 0 else ends[::-1]
+
+
+def _off_a_line(runs: np.ndarray) -> tuple[float, int]:
+    """Squares of forces less their mean and what follows channels linearly, and how many are free.
+
+    Parameters
+    ----------
+    runs : (runs, 1 + channels, deflections) array
+        The force, then the channels.
+    """
+    force, channels = runs[:, 0].T[:, :, None], runs[:, 1:].transpose(2, 0, 1)
+    channels = channels - channels.mean(axis=1, keepdims=True)
+    size = np.abs(runs[:, 1:]).max(axis=(0, 2))
+    base = np.concatenate([np.ones_like(force), channels / np.where(size > 0.0, size, 1.0)], axis=2)
+    hat = base @ np.linalg.pinv(base)
+    free = force.size - round(float(np.trace(hat, axis1=1, axis2=2).sum()))
+    return float(np.sum((force - hat @ force) ** 2)) if free else 0.0, free
 
 
 def _outermost(d: np.ndarray, turns: np.ndarray, least: float) -> list[int]:
@@ -168,6 +209,58 @@ def _history(values: ArrayLike, name: str) -> np.ndarray:
     return x
 
 
+def _beside(values: ArrayLike, name: str, count: int) -> np.ndarray:
+    """A further channel, one value for each of the loop's."""
+    try:
+        x = np.array(values, float)
+    except (TypeError, ValueError):
+        raise InputError(f"channel {name} holds no real numbers") from None
+    if x.size == 1:
+        x = np.full(count, x.item())
+    if x.shape != (count,):
+        raise InputError(
+            f"channel {name} has shape {x.shape}; expected one value, or {count} as displacement "
+            "and force have: was it recorded at another rate?"
+        )
+    if not np.all(np.isfinite(x)):
+        first = int(np.argmin(np.isfinite(x)))
+        raise InputError(
+            f"channel {name} holds NaN or infinity, first at value {first}, counted from 0; "
+            "expected a number at every value: fill the gap, or leave the channel out"
+        )
+    return x
+
+
+def common_channels(loops: Sequence[ForceLoop], places: Sequence[str] = ()) -> tuple[str, ...]:
+    """Names of the further channels, which all loops of a joint have to have.
+
+    Parameters
+    ----------
+    loops : sequence of ForceLoop
+        Of one joint.
+    places : sequence of str, optional
+        What messages call each; by default its name.
+
+    Raises
+    ------
+    InputError
+        Where one loop has a channel that another has not.
+    """
+    called = places or [each.name or f"loop {i}" for i, each in enumerate(loops)]
+    found = {
+        name: place for each, place in zip(loops, called, strict=True) for name in each.channels
+    }
+    for each, place in zip(loops, called, strict=True):
+        for name, holder in found.items():
+            if name not in each.channels:
+                own = ", ".join(each.channels) or "none"
+                raise InputError(
+                    f"{place}: channels: {name} is missing, which {holder} has; got {own}; "
+                    "expected the same of all loops of a joint: add it here, or leave it out there"
+                )
+    return tuple(found)
+
+
 def read_loop(
     path: str | Path,
     *,
@@ -177,8 +270,12 @@ def read_loop(
     sampling_rate: float | None = None,
     unit: str = "",
     force_unit: str = "",
+    channels: Sequence[str] = (),
 ) -> ForceLoop:
     """Read a loop from any file that :func:`iwanjax.signals.read_recordings` reads.
+
+    Of what a file holds beside displacement and force only the channels that are named are kept:
+    a second load cell or the actuator's own signals would explain any force.
 
     Parameters
     ----------
@@ -193,6 +290,8 @@ def read_loop(
         Hz, where the file does not say and a force may depend on rate.
     unit, force_unit : str
         Labels of deflection and force.
+    channels : sequence of str
+        What the file calls further ones that the joint may depend on, (N,) or one number each.
 
     Raises
     ------
@@ -200,16 +299,18 @@ def read_loop(
         One line naming the file and what is missing or wrong.
     """
     path, (record, *_) = read_file(path)
-    held = record.arrays
+    # One number for the whole loop is a remark in some formats.
+    held, beside = record.arrays, {**record.arrays, **record.metadata}
+    wanted = [(displacement, held), (force, held), *((each, beside) for each in channels)]
     try:
-        for each in (displacement, force):
-            if each not in held:
-                raise InputError(
-                    f"{each} is missing; found {', '.join(held) or 'nothing'}{nearest(each, held)}"
-                )
+        for each, known in wanted:
+            if each not in known:
+                found = ", ".join(known) or "nothing"
+                raise InputError(f"{each} is missing; found {found}{nearest(each, known)}")
         d, f = (_numbers(held[each], each) for each in (displacement, force))
         dt = _step(record, sampling_rate)
-        return ForceLoop(d, f, name or path.name, dt, unit, force_unit)
+        further = {each: _numbers(beside[each], each) for each in channels}
+        return ForceLoop(d, f, name or path.name, dt, unit, force_unit, further)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

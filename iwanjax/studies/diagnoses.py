@@ -20,6 +20,7 @@ from iwanjax.identification.resampling import at_one_rate
 from iwanjax.identification.steady.cycle import InteractingMode
 from iwanjax.settings.conditioning import CONDITIONING
 from iwanjax.signals import Channel, ForceLoop, Recording
+from iwanjax.signals.force_loop import common_channels
 from iwanjax.structures import JointedStructure
 from iwanjax.studies.fits import of_one_quantity
 from iwanjax.studies.measured import MeasuredMode, forces_of, measured_modes
@@ -116,11 +117,15 @@ def _joint(study: StudySetup, label: str, budget: float, progress: Progress) -> 
             f"{study.label}: {label!r} is no joint of the structure: {', '.join(structure.joints)}"
         )
     read: dict[str, list[ForceLoop]] = {"fit": [], "hold_out": []}
-    for entry in study.recordings:
-        if entry.kind == "loop" and entry.joint == label:
-            read[entry.use].append(read_force_loop(entry))
+    entries = [each for each in study.recordings if each.kind == "loop" and each.joint == label]
+    for entry in entries:
+        read[entry.use].append(read_force_loop(entry))
     if not read["fit"]:
         raise InputError(f"{study.label}: all loops of {label} are held out; expected some to fit")
+    common_channels(
+        [loop for use in read for loop in read[use]],
+        [f"{each.place} ({each.name})" for use in read for each in entries if each.use == use],
+    )
     parameters = study.parameters(None, joint_parameters(label, structure.joints[label]))
     return diagnose_loops(
         structure.joints[label],

@@ -14,13 +14,17 @@ D = 1e-4 * np.sin(np.linspace(0.0, 4.0 * np.pi, 201))
 FORCE = 6e4 * D
 
 
-def write(path, d, force):
-    arrays = {"displacement": d, "force": force}
+def write(path, d, force, **further):
+    arrays = {"displacement": d, "force": force, **further}
     if path.suffix == ".json":
         path.write_text(json.dumps({name: list(each) for name, each in arrays.items()}))
     elif path.suffix == ".csv":
         np.savetxt(
-            path, np.column_stack([d, force]), delimiter=",", header=",".join(arrays), comments=""
+            path,
+            np.column_stack(list(arrays.values())),
+            delimiter=",",
+            header=",".join(arrays),
+            comments="",
         )
     else:
         np.savez(path, **arrays)
@@ -81,3 +85,64 @@ def test_a_file_that_is_wrong_is_named(tmp_path, text, told):
     path.write_text(text)
     with pytest.raises(InputError, match=f"J1.json: .*{told}"):
         read_loop(path)
+
+
+# --- further channels ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".npz"])
+def test_channels_that_are_named_come_with_the_loop(tmp_path, suffix):
+    """Others stay where they are: a second load cell would explain any force."""
+    u = np.linspace(20.0, 40.0, D.size)
+    found = read_loop(
+        write(tmp_path / f"J1{suffix}", D, FORCE, temperature_c=u, load_2=FORCE),
+        channels=["temperature_c"],
+    )
+    assert list(found.channels) == ["temperature_c"]
+    np.testing.assert_allclose(found.channels["temperature_c"], u, rtol=1e-15)
+
+
+def test_a_channel_may_be_one_number(tmp_path):
+    for file in ("J1.json", "J1.npz"):
+        held = {"displacement": D, "force": FORCE, "bolt_kn": 12.5}
+        if file.endswith("json"):
+            lists = {name: np.asarray(x).tolist() for name, x in held.items()}
+            (tmp_path / file).write_text(json.dumps(lists))
+        else:
+            np.savez(tmp_path / file, **held)
+        found = read_loop(tmp_path / file, channels=["bolt_kn"])
+        assert found.channels["bolt_kn"].tolist() == [12.5] * D.size
+
+
+@pytest.mark.parametrize(
+    ("u", "told"),
+    [
+        (FORCE[:-1], r"channel u has shape \(200,\); expected one value, or 201 .* another rate"),
+        (np.where(np.arange(D.size) == 7, math.nan, 1.0), "channel u holds NaN .* at value 7"),
+        (["warm"], "channel u holds no real numbers"),
+    ],
+)
+def test_a_channel_that_is_wrong_is_refused(u, told):
+    with pytest.raises(InputError, match=told):
+        ij.ForceLoop(D, FORCE, channels={"u": u})
+
+
+def test_what_follows_a_channel_is_no_scatter():
+    """Eight cycles of which each is stronger by a channel, and a little by chance."""
+    random = np.random.default_rng(2)
+    t = np.arange(3200) / 400.0
+    d, load = np.sin(2.0 * np.pi * t), np.floor(t + 0.25)
+    chance = 0.02 * random.standard_normal(load.size)[load.astype(int)]
+    force = (1.0 + 0.1 * load + chance) * d
+    assert ij.ForceLoop(d, force).scatter > 0.1
+    known = ij.ForceLoop(d, force, channels={"load": load, "humidity": 0.4})
+    assert known.scatter < 0.02
+
+
+def test_how_long_its_cycles_take():
+    """Half a cycle is between two turning points, noise or not."""
+    d = np.sin(np.linspace(0.0, 8.5 * np.pi, 851)) + 1e-3 * np.cos(np.arange(851.0))
+    loop = ij.ForceLoop(d, d, dt=0.1)
+    assert loop.duration == pytest.approx(85.0)
+    assert loop.period == pytest.approx(20.0, rel=0.06)
+    assert math.isnan(ij.ForceLoop(d, d).period)
