@@ -86,8 +86,9 @@ _DIAGNOSE_HELP = """What a model is missing, by its recordings.
 Refits the joints, then looks for what they cannot explain: a force at a row of the model, a
 fault of a sensor or of a joint, alone or two together; where, of which kind, and how much better
 held-out recordings are predicted with it. A structure is judged by recordings with force, free
-decays or curves of its modes, a joint on its own by its loops, single modes by their frequency and
-damping. Takes some seconds to some minutes. Writes report.html, diagnosis.json and pictures.
+decays or curves of its modes, a joint on its own by its loops and the channels that they name,
+such as a temperature, single modes by their frequency and damping. Takes some seconds to some
+minutes. Writes report.html, diagnosis.json and pictures.
 """
 _DETECTABILITY_HELP = """Which effects recordings would show, from what size on.
 

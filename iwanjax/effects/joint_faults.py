@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from iwanjax.effects.kinds import JointKind, ModeKind, missing
+from iwanjax.effects.kinds import ChannelKind, JointKind, ModeKind, missing
 from iwanjax.joints import AttachedOscillator, Iwan4, ParameterInfo
 from iwanjax.joints.attached_oscillator import STIFFLY_HELD
 from iwanjax.joints.force_law import WITHIN_K
@@ -65,6 +65,24 @@ JOINT_FAULTS = (
         "hits that differ at equal amplitude, the lower in frequency the more another mode moves",
         "another mode that moves the joint",
         "The joint of {where} is moved by another mode as well",
+    ),
+    *(
+        ChannelKind(
+            f"{name}_by_channel",
+            f"{strength} that depends on a channel",
+            "loops that are alike but for a channel",
+            f"a {strength} that depends on a channel",
+            f"The {strength} of {{where}} depends on a channel",
+            strength,
+            moved,
+        )
+        # Friction of a normal force or a voltage, springs of a temperature; both together change
+        # as one force. Shapes of a joint are not known to depend on any.
+        for name, strength, moved in (
+            ("slip_force", "slip force", "F_S"),
+            ("joint_stiffness", "stiffness", "K_T"),
+            ("joint_force", "whole force", ""),
+        )
     ),
 )
 """What is wrong with a model's joints."""

@@ -191,6 +191,65 @@ class ModeKind:
 
 
 @dataclass(frozen=True)
+class ChannelKind:
+    r"""One way in which a joint may depend on what was recorded beside its loops.
+
+    A strength is :math:`1 + c\,(u - \bar u)` times what it is at :math:`\bar u`, the middle of
+    what the channel u of the fitted loops goes through.
+
+    Parameters
+    ----------
+    name : str
+        As in hypotheses; where it is found the channel's own name stands in place of "channel".
+    usual, signs, noun, sentence
+        As for :class:`ForceKind`; "a channel" stands for the channel's name.
+    strength : str
+        What depends, in words.
+    moved : str
+        The joint's parameter that does; empty for the whole force.
+    channel : str
+        Which; empty for any.
+    middle : float
+        :math:`\bar u`.
+    """
+
+    name: str
+    usual: str
+    signs: str
+    noun: str
+    sentence: str
+    strength: str
+    moved: str = ""
+    channel: str = ""
+    middle: float = 0.0
+    # There is nothing about it beside its size, and no simpler kind is a limit of it.
+    shape: ClassVar[None] = None
+    limits: ClassVar[tuple[Nested, ...]] = ()
+
+    @property
+    def size(self) -> ParameterInfo:
+        """c, over the channel's own unit."""
+        at = f"{self.channel} = {self.middle:.4g}"
+        meaning = f"relative change of the {self.strength}, none at {at}"
+        return ParameterInfo("change", f"1/{self.channel}", meaning)
+
+    def of(self, channel: str, middle: float) -> "ChannelKind":
+        """The kind of one channel."""
+        # Filled in with the place later, which braces in a name must not disturb.
+        escaped = channel.replace("{", "{{").replace("}", "}}")
+        at = f" (its parameters: at {middle:.4g})"
+        return replace(
+            self,
+            name=self.name.replace("channel", channel),
+            usual=self.usual.replace("a channel", channel),
+            noun=self.noun.replace("a channel", channel),
+            sentence=self.sentence.replace("a channel", escaped) + at,
+            channel=channel,
+            middle=middle,
+        )
+
+
+@dataclass(frozen=True)
 class UnnamedKind:
     """Physics that no name fits: any force of a place's own motion.
 
@@ -213,7 +272,7 @@ class UnnamedKind:
     limits: ClassVar[tuple[Nested, ...]] = ()
 
 
-NamedKind: TypeAlias = ForceKind | AbstractFault | JointKind | ModeKind
+NamedKind: TypeAlias = ForceKind | AbstractFault | JointKind | ModeKind | ChannelKind
 """What the catalogue holds."""
 
 Kind: TypeAlias = NamedKind | UnnamedKind

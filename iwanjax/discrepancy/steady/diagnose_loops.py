@@ -7,22 +7,27 @@ import numpy as np
 
 from iwanjax.discrepancy.diagnosis import Diagnosis
 from iwanjax.discrepancy.steady.runs import LoopRun
-from iwanjax.discrepancy.steady.trials import Trials, forces_of, kinds_named
+from iwanjax.discrepancy.steady.trials import (
+    Trials,
+    channel_kinds,
+    forces_of,
+    kinds_named,
+)
 from iwanjax.discrepancy.steady.verdict import concluded
 from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Parameter, drawn, replaced
 from iwanjax.identification.steady.loops import (
     LoopFit,
-    driven,
     loops_alone,
     loops_beside,
+    loops_by_channel,
     loops_from_within,
     loops_with_joint,
-    noise_of,
 )
 from iwanjax.joints import AbstractJoint
 from iwanjax.settings.stages import settings
-from iwanjax.signals.force_loop import ForceLoop
+from iwanjax.signals.force_loop import ForceLoop, common_channels
+from iwanjax.signals.loop_histories import driven, noise_of
 from iwanjax.types import require_double_precision
 from iwanjax.updating.joint_groups import joint_parameters
 
@@ -48,7 +53,10 @@ def diagnose_loops(
 
     .. math:: F(t) = F_J[d](t) + s\, u[d](t) + F_0,
 
-    with an offset :math:`F_0` of each loop. Loops that begin undeflected begin at rest, or on
+    with an offset :math:`F_0` of each loop. What loops carry in further channels the joint may
+    depend on: its slip force, its stiffness, or its whole force is
+    :math:`1 + c\,(u - \bar u)` times what it is at the middle :math:`\bar u` of what a channel u of
+    the fitted loops goes through. Loops that begin undeflected begin at rest, or on
     the outermost branch like the others, whichever the joint alone explains better. Then a whole
     joint more is tried. Where a loop has no time, nothing shows that depends on rate, which the
     verdict says. A force is known as well as it repeats from cycle to cycle.
@@ -61,7 +69,7 @@ def diagnose_loops(
     joint : joint
         What the model has, at its starting values.
     recordings, hold_out : ForceLoop or sequence of them
-        Of this joint; only the first are fitted.
+        Of this joint, all with the same further channels; only the first are fitted.
     parameters : mapping of str to Parameter, optional
         Replaces those of the joint, ``"joint.F_S"`` and so on, by name.
     name : str
@@ -86,7 +94,7 @@ def diagnose_loops(
     ------
     InputError
         Without loops, for a joint that depends on rate or does not fit at all, unknown
-        parameters or hypotheses.
+        parameters or hypotheses, a channel that not all loops have.
     PrecisionError
         When JAX computes in float32.
     """
@@ -100,6 +108,7 @@ def diagnose_loops(
         raise InputError("diagnose_loops: no loops to fit; expected at least one ForceLoop")
     row = replaced(tuple(joint_parameters(name, joint).values()), parameters or {})
     together = (*several, *others)
+    channels = common_channels(together)
     deviations = noise_of(together, noise)
     random = np.random.default_rng(seed)
     draws = drawn(row, random, starts)
@@ -130,6 +139,17 @@ def diagnose_loops(
         lambda _: "with a joint left out",
         lambda more: loops_with_joint(alone, more, trials.contained(more)),
     )
+    loops, constant = alone.problem.loops, []
+    for channel in channels:
+        middle, half = loops.middle(channel)
+        if half <= settings().steady.negligible * abs(middle):
+            constant.append(f"{channel} is {middle:.4g} throughout the fitted loops")
+            continue
+        trials.fit(
+            [kind.of(channel, middle) for kind in channel_kinds(hypotheses, joint)],
+            lambda kind: f"with {kind.usual}",
+            lambda kind: loops_by_channel(alone, kind, draws, random),
+        )
     whole = driven(together, deviations, len(several), at_rest, math.inf)
 
     def run(fit: LoopFit, chosen: LoopFit) -> LoopRun:
@@ -145,9 +165,10 @@ def diagnose_loops(
         name,
         run,
         row,
-        warnings=lambda _: _unseen_by_loops(
-            name, trials.unseen, alone.problem.loops.dt is not None
-        ),
+        warnings=lambda _: [
+            *_unseen_by_loops(name, trials.unseen, loops.dt is not None),
+            *(f"{told}, so nothing shows whether {name} depends on it" for told in constant),
+        ],
     )
 
 

@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Generic, TypeVar
 
 from iwanjax.effects.catalogue import kinds_of
-from iwanjax.effects.kinds import ForceKind, JointKind, NamedKind
-from iwanjax.identification.steady.fit import Fit, at_a_limit, best_of
+from iwanjax.effects.kinds import ChannelKind, ForceKind, JointKind, NamedKind
+from iwanjax.identification.steady.fit import Fit, best_of
+from iwanjax.identification.steady.shapes import at_a_limit
+from iwanjax.joints import AbstractJoint
 
 T = TypeVar("T")
 
@@ -24,6 +26,16 @@ def forces_of(hypotheses: tuple[str, ...], variants: bool) -> list[ForceKind]:
 def kinds_named(name: str, hypotheses: tuple[str, ...]) -> list[NamedKind]:
     """The kind of this name, if it is to be tried."""
     return [kind for kind in _beside_k(hypotheses) if kind.name == name]
+
+
+def channel_kinds(hypotheses: tuple[str, ...], joint: AbstractJoint) -> list[ChannelKind]:
+    """Ways in which a joint may depend on a channel: by parameters that it has."""
+    moved = {"", *(info.name for info in joint.parameters)}
+    return [
+        kind
+        for kind in _beside_k(hypotheses)
+        if isinstance(kind, ChannelKind) and kind.moved in moved
+    ]
 
 
 def _beside_k(hypotheses: tuple[str, ...]) -> list[NamedKind]:

@@ -29,13 +29,12 @@ from iwanjax.identification.steady.fit import (
     PlacedEffect,
     Size,
     SteadyFit,
-    as_joint,
     best_of,
     joints_to_begin_with,
     searched,
     with_sizes,
 )
-from iwanjax.identification.steady.shapes import best_shape
+from iwanjax.identification.steady.shapes import as_joint, best_shape
 from iwanjax.joints import Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.joints.iwan import IWAN_PARAMETERS

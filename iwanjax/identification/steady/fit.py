@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, Self, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -24,8 +24,7 @@ from iwanjax.estimation.problem import (
     residuals_and_slopes,
 )
 from iwanjax.estimation.settings import SEARCH
-from iwanjax.joints import ParameterInfo, Scales
-from iwanjax.joints.force_law import Values
+from iwanjax.joints import ParameterInfo
 from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.settings.stages import settings
 
@@ -78,7 +77,10 @@ class PlacedEffect(NamedTuple):
 class AbstractEffectValues(eqx.Module):
     """Variables of what an effect is made of."""
 
-    count: ClassVar[int]
+    @property
+    @abc.abstractmethod
+    def count(self) -> int:
+        """How many."""
 
     @abc.abstractmethod
     def to_values(self, z: Float[Array, " values"]) -> Float[Array, " values"]:
@@ -94,7 +96,11 @@ class Size(AbstractEffectValues):
 
     scale: Array
     positive: Array
-    count: ClassVar[int] = 1
+
+    @property
+    def count(self) -> int:
+        """One."""
+        return 1
 
     def to_values(self, z: Float[Array, " 1"]) -> Float[Array, " 1"]:
         """The size."""
@@ -112,7 +118,11 @@ class JointValues(AbstractEffectValues):
 
     own: AbstractLeastSquares | Chart
     before: int = eqx.field(static=True)
-    count: ClassVar[int] = JOINT_VALUES
+
+    @property
+    def count(self) -> int:
+        """Parameters of a joint left out."""
+        return JOINT_VALUES
 
     def to_values(self, z: Float[Array, " 4"]) -> Float[Array, " 4"]:
         """The joint's parameters."""
@@ -354,41 +364,6 @@ def with_sizes(
     """Starts of a joint with sizes of a force beside it, up to some that is plausible."""
     sizes = settings().steady.spread * largest * random.standard_normal(len(joints))
     return np.column_stack([joints, np.abs(sizes) if kind.positive else sizes])
-
-
-def at_a_limit(kind: NamedKind, simpler: AnyFit, largest: float, share: float) -> Values | None:
-    """Values at which a kind does what a fit's force does, but for a share; None if it cannot.
-
-    Parameters
-    ----------
-    kind : NamedKind
-        Another one.
-    simpler : SteadyFit
-        Of a force.
-    largest : float
-        Deflection.
-    share : float
-        Of the kind's range that is left to its end.
-    """
-    effect = simpler.effect
-    if effect is None or effect.force is not None:
-        return None
-    size = float(simpler.values[0])
-    values = (size,) if effect.shape_info is None else (size, effect.shape)
-    for nested in getattr(kind, "limits", ()):
-        if nested.means(effect.kind):
-            there = nested.widened(values, Scales(largest, 1.0), share)
-            # A joint, and most forces, cannot be of negative size.
-            positive = isinstance(kind, JointKind) or getattr(kind, "positive", False)
-            return there if there[0] > 0.0 or not positive else None
-    return None
-
-
-def as_joint(kind: NamedKind, simpler: AnyFit, largest: float) -> np.ndarray:
-    """Parameters of a joint that does nearly what a fit's force does, which it has for a limit."""
-    values = at_a_limit(kind, simpler, largest, settings().steady.at_once)
-    assert values is not None
-    return np.array(values)
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:

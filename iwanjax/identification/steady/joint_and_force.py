@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -38,7 +38,11 @@ class JointAndSize(AbstractEffectValues):
 
     joint: JointValues
     size: Size
-    count: ClassVar[int] = JOINT_VALUES + Size.count
+
+    @property
+    def count(self) -> int:
+        """Of both."""
+        return self.joint.count + self.size.count
 
     def to_values(self, z: Float[Array, " 5"]) -> Float[Array, " 5"]:
         """The joint's parameters and the size."""

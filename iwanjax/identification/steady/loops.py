@@ -1,8 +1,8 @@
 """Loops of a joint on its own, with a force or another joint beside it."""
 
 import itertools
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
@@ -11,105 +11,58 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.effects.kinds import ForceKind, NamedKind
+from iwanjax.effects.kinds import ChannelKind, ForceKind, NamedKind
 from iwanjax.estimation.parameters import Chart, Parameter
+from iwanjax.estimation.priors import Uniform
 from iwanjax.identification.steady.fit import (
     AbstractEffectValues,
     AbstractSteadyProblem,
-    JointValues,
     PlacedEffect,
     Size,
     SteadyFit,
-    as_joint,
     best_of,
     joints_to_begin_with,
     searched,
     with_sizes,
 )
-from iwanjax.identification.steady.shapes import best_shape, from_within
+from iwanjax.identification.steady.shapes import as_joint, best_shape, from_within
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import PlaceMotion, Scales
 from iwanjax.joints.hysteresis import hysteresis
-from iwanjax.joints.iwan import IWAN_PARAMETERS
 from iwanjax.settings.stages import settings
-from iwanjax.signals.force_loop import ForceLoop
+from iwanjax.signals.loop_histories import LoopHistories
 from iwanjax.updating.joint_groups import joint_parameters
 
 
-class LoopHistories(eqx.Module):
-    """Loops side by side, each after what leads to it from rest.
+def scales_of(loops: LoopHistories) -> Scales:
+    """What the joint has seen, to choose starting values by; in cycles without a time."""
+    stiffness = 0.5 * float(jnp.ptp(loops.force)) / loops.largest
+    if loops.times is None:
+        return Scales(loops.largest, 1.0, 1.0, stiffness=stiffness)
+    return Scales(loops.largest, *np.max(loops.times, axis=1).tolist(), stiffness=stiffness)
 
-    Attributes
-    ----------
-    d, force : (loops, N) array
-        Deflections and forces; where a loop has none, the last deflection again.
-    weight : (loops, N) array
-        One over the force's deviation; zero where it was not measured, or held out.
-    dt : (loops, N) array or None
-        Time from the value before to each, s; None where a loop has no time.
-    """
 
-    d: Float[Array, "loops N"]
-    force: Float[Array, "loops N"]
-    weight: Float[Array, "loops N"]
-    dt: Float[Array, "loops N"] | None = None
+# Parameters of a joint that may depend on a channel; last comes its whole force.
+_MOVED = ("F_S", "K_T", "")
+
+
+class LawValues(AbstractEffectValues):
+    """Variables of what is charted one by one: another joint's parameters, a share."""
+
+    own: Chart
 
     @property
-    def largest(self) -> float:
-        """Largest deflection."""
-        return float(jnp.max(jnp.abs(self.d)))
+    def count(self) -> int:
+        """Values."""
+        return len(self.own.transforms)
 
+    def to_values(self, z: Float[Array, " values"]) -> Float[Array, " values"]:
+        """The parameters."""
+        return self.own.to_values(z)
 
-def noise_of(loops: Sequence[ForceLoop], known: float | None) -> tuple[float, ...]:
-    """Deviation of each loop's force: of its noise, and of the scatter between its cycles."""
-    best = settings().steady.best_force
-    return tuple(
-        max(
-            np.fmax(loop.noise, loop.scatter) if known is None else known,
-            best * math.sqrt(float(np.mean(loop.force**2))),
-        )
-        for loop in loops
-    )
-
-
-def driven(
-    loops: Sequence[ForceLoop],
-    noise: Sequence[float],
-    fitted: int,
-    at_rest: bool,
-    most: float | None = None,
-) -> LoopHistories:
-    """Loops, of which the first ones are to be fitted, each by so many values at most.
-
-    Those that may begin at rest do so, or on the outermost loop like the others.
-    """
-    most = settings().steady.values if most is None else most
-    chosen = [_drawing(loop.d, most) for loop in loops]
-    length = max(map(len, chosen)) + 2
-    d, force, weight, dt = np.zeros((4, len(loops), length))
-    for i, (loop, deviation, at) in enumerate(zip(loops, noise, chosen, strict=True)):
-        end = len(at) + 2
-        d[i] = loop.d[-1]
-        d[i, :2], d[i, 2:end], force[i, 2:end] = loop.before(at_rest), loop.d[at], loop.force[at]
-        weight[i, 2:end] = 1.0 / deviation if i < fitted else 0.0
-        step = loop.dt or 1.0
-        # What leads to a loop is run through slowly, and so is what follows it.
-        dt[i] = loop.d.size * step
-        dt[i, 3:end] = np.diff(at) * step
-    timed = all(loop.dt is not None for loop in loops)
-    return LoopHistories(
-        jnp.asarray(d), jnp.asarray(force), jnp.asarray(weight), jnp.asarray(dt) if timed else None
-    )
-
-
-def _drawing(d: np.ndarray, most: float) -> np.ndarray:
-    """Values that draw a path: the outermost ones of equal parts, in their order."""
-    every = np.arange(d.size)
-    if d.size <= most:
-        return every
-    parts = np.array_split(every, int(most) // 2 - 1)
-    ends = [part[each(d[part])] for part in parts for each in (np.argmin, np.argmax)]
-    return np.unique([0, *ends, d.size - 1])
+    def to_variables(self, values: Float[Array, " values"]) -> Float[Array, " values"]:
+        """The inverse of :meth:`to_values`."""
+        return self.own.to_variables(values)
 
 
 class LoopProblem(AbstractSteadyProblem):
@@ -121,7 +74,13 @@ class LoopProblem(AbstractSteadyProblem):
     Attributes
     ----------
     unit : (loops, N) array
-        A force of unit size; zero where another joint acts.
+        A force of unit size, or a channel from its middle on where the joint depends on one; zero
+        where another joint acts.
+    other : joint or None
+        Another joint that acts.
+    moved : (3,) array or None
+        1 for what depends on the channel, of the slip force, the stiffness and the whole force;
+        0 for the others.
     """
 
     chart: Chart
@@ -131,6 +90,8 @@ class LoopProblem(AbstractSteadyProblem):
     joint: AbstractJoint
     loops: LoopHistories
     unit: Float[Array, "loops N"]
+    other: AbstractJoint | None = None
+    moved: Float[Array, " 3"] | None = None
 
     @property
     def count(self) -> int:
@@ -139,12 +100,32 @@ class LoopProblem(AbstractSteadyProblem):
 
     def forces(self, theta: Float[Array, " parameters"]) -> Float[Array, "loops N"]:
         """Predicted, without offsets."""
-        n, d = self.beside.count, self.loops.d
-        joint = self.joint.with_parameters(**dict(zip(self.names[:-n], theta[:-n], strict=True)))
-        own = hysteresis(joint, d, sliders=None, dt=self.loops.dt)
-        if isinstance(self.beside, JointValues):
-            return own + hysteresis(Iwan4(*theta[-n:]), d, sliders=None)
-        return own + theta[-1] * self.unit
+        n, d, dt = self.beside.count, self.loops.d, self.loops.dt
+        values = dict(zip(self.names, theta, strict=True))
+        own = {name: values.pop(name) for name in self.names[:-n]}
+        joint = self.joint.with_parameters(**own)
+        if self.moved is not None:
+            return self._by_channel(joint, own, theta[-1], self.moved)
+        force = hysteresis(joint, d, sliders=None, dt=dt)
+        if self.other is None:
+            return force + theta[-1] * self.unit
+        other = {_own(name): value for name, value in values.items()}
+        acting = self.other.with_parameters(**other)
+        return force + hysteresis(acting, d, sliders=None, dt=dt, lead=self.loops.lead)
+
+    def _by_channel(
+        self, joint: AbstractJoint, own: dict[str, Array], change: Array, moved: Array
+    ) -> Float[Array, "loops N"]:
+        """Of a joint some of whose strengths follow the channel; beyond none of it they stay."""
+        factor = jnp.maximum(1.0 + change * self.unit, settings().steady.negligible)
+        varying = {
+            name: own[name] * factor**share
+            for name, share in zip(_MOVED, moved, strict=True)
+            if name in own
+        }
+        loops = self.loops
+        force = hysteresis(joint, loops.d, sliders=None, dt=loops.dt, varying=varying)
+        return factor ** moved[-1] * force
 
     def residuals(self, theta: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
         """Predicted less measured over deviations, each loop without its mean."""
@@ -176,7 +157,9 @@ LoopFit = SteadyFit[LoopProblem]
 
 
 def unit_of(effect: PlacedEffect | None, loops: LoopHistories) -> Float[Array, "loops N"]:
-    """A force of unit size along deflections; zero without one."""
+    """A force of unit size along deflections, or a channel from its middle on; zero without."""
+    if effect is not None and isinstance(effect.kind, ChannelKind):
+        return loops.channels[effect.kind.channel] - effect.kind.middle
     if effect is None or not isinstance(effect.kind, ForceKind):
         return jnp.zeros_like(loops.d)
     dt = jnp.ones_like(loops.d) if loops.dt is None else loops.dt
@@ -190,7 +173,7 @@ def is_seen(kind: ForceKind, loops: LoopHistories) -> bool:
     if loops.dt is not None:
         return True
     d = loops.d
-    shape = jnp.asarray(kind.shapes(Scales(float(jnp.max(jnp.abs(d))), 1.0))[0])
+    shape = jnp.asarray(kind.shapes(scales_of(loops))[0])
     negligible = settings().steady.negligible
     slow, slower = (np.asarray(_along(kind, shape, d, jnp.full(d.shape, dt))) for dt in (1.0, 2.0))
     return bool(np.max(np.abs(slow - slower)) <= negligible * np.max(np.abs(slow)))
@@ -214,7 +197,7 @@ def loops_alone(
     """The joint alone, from draws of its parameters (starts, parameters)."""
     problem = LoopProblem(
         chart=Chart(parameters),
-        names=(*(p.name.rpartition(".")[2] for p in parameters), "size"),
+        names=(*(_own(p.name) for p in parameters), "size"),
         base=Chart(parameters),
         beside=Size(jnp.ones(()), jnp.zeros(())),
         joint=joint,
@@ -249,7 +232,7 @@ def loops_beside(
         ended.append(searched(effect, problem, starts, settings().steady.loop_runs))
         return ended[-1]
 
-    return best_shape(kind, kind.shapes(Scales(loops.largest, 1.0)), at)
+    return best_shape(kind, kind.shapes(scales_of(loops)), at)
 
 
 def loops_from_within(simpler: LoopFit, kind: ForceKind) -> LoopFit | None:
@@ -292,18 +275,8 @@ def loops_with_joint(alone: LoopFit, kind: NamedKind, limits: Sequence[LoopFit])
     limits : sequence of SteadyFit
         Those beside the joint, the best first.
     """
-    base, known = alone.problem, settings().steady
-    force, deflection = float(jnp.ptp(base.loops.force)) / 2.0, base.loops.largest
-    given = joint_parameters("other", Iwan4(*_joint(0.5 * force, deflection)))
-    problem = LoopProblem(
-        chart=base.chart,
-        names=(*base.names[:-1], *(info.name for info in IWAN_PARAMETERS)),
-        base=base.base,
-        beside=JointValues(Chart(tuple(given.values())), 0),
-        joint=base.joint,
-        loops=base.loops,
-        unit=jnp.zeros_like(base.loops.d),
-    )
+    loops, known = alone.problem.loops, settings().steady
+    force, deflection = float(jnp.ptp(loops.force)) / 2.0, loops.largest
     others = [
         _joint(share * force, slip * deflection)
         for share, slip in itertools.product(known.loop_shares, known.loop_slips)
@@ -312,7 +285,54 @@ def loops_with_joint(alone: LoopFit, kind: NamedKind, limits: Sequence[LoopFit])
     for fit in limits[: known.loop_joint_runs - 1]:
         starts.insert(0, np.append(fit.theta[:-1], as_joint(kind, fit, deflection)))
     rows = np.resize(np.array(starts), (known.starts, len(starts[0])))
-    return searched(PlacedEffect(kind), problem, rows, known.loop_joint_runs)
+    other = Iwan4(*_joint(0.5 * force, deflection))
+    return searched(PlacedEffect(kind), _with_other(alone, other), rows, known.loop_joint_runs)
+
+
+def loops_by_channel(
+    alone: LoopFit, kind: ChannelKind, draws: np.ndarray, random: np.random.Generator
+) -> LoopFit:
+    """The joint, some of whose strengths depend on a channel.
+
+    Parameters
+    ----------
+    alone : SteadyFit
+        The joint alone.
+    kind : ChannelKind
+        Of one channel, which has to vary.
+    draws : (starts, parameters) array
+        Of the joint's parameters.
+    random : Generator
+        Of changes to begin with.
+    """
+    base, known, effect = alone.problem, settings().steady, PlacedEffect(kind)
+    _, half = base.loops.middle(kind.channel)
+    # Up to where nothing of it is left at one end of what the channel goes through.
+    own = Parameter(
+        kind.size.name, 0.0, Uniform(-1.0 / half, 1.0 / half), lower=-1.0 / half, upper=1.0 / half
+    )
+    problem = replace(
+        base,
+        names=(*base.names[:-1], kind.size.name),
+        beside=LawValues(Chart((own,))),
+        unit=unit_of(effect, base.loops),
+        moved=jnp.asarray([float(name == kind.moved) for name in _MOVED]),
+    )
+    few = joints_to_begin_with(alone, draws)
+    changes = known.spread * random.uniform(-1.0, 1.0, len(few)) / half
+    return searched(effect, problem, np.column_stack([few, changes]), known.loop_runs)
+
+
+def _with_other(alone: LoopFit, other: AbstractJoint) -> LoopProblem:
+    """What is searched where another joint acts, all of whose parameters are free."""
+    base, given = alone.problem, joint_parameters("other", other)
+    beside = LawValues(Chart(tuple(given.values())))
+    return replace(base, names=(*base.names[:-1], *given), beside=beside, other=other)
+
+
+def _own(name: str) -> str:
+    """A parameter's name without its joint's."""
+    return name.rpartition(".")[2]
 
 
 def _joint(F_S: float, slip: float) -> np.ndarray:

@@ -24,10 +24,9 @@ from iwanjax.identification.steady.fit import (
     PlacedEffect,
     Size,
     SteadyFit,
-    as_joint,
     searched,
 )
-from iwanjax.identification.steady.shapes import best_shape, best_shape_near, from_within
+from iwanjax.identification.steady.shapes import as_joint, best_shape, best_shape_near, from_within
 from iwanjax.joints import AbstractJoint, Iwan4
 from iwanjax.joints.force_law import Scales
 from iwanjax.joints.iwan import strength_of

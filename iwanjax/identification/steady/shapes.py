@@ -5,8 +5,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from iwanjax.effects.kinds import ForceKind
-from iwanjax.identification.steady.fit import AnyFit, Fit, at_a_limit, best_of
+from iwanjax.effects.kinds import ForceKind, JointKind, NamedKind
+from iwanjax.identification.steady.fit import AnyFit, Fit, best_of
+from iwanjax.joints import Scales
+from iwanjax.joints.force_law import Values
 from iwanjax.settings.stages import settings
 
 
@@ -68,6 +70,41 @@ def from_within(
         return None
     best = best_of(seen)
     return best_shape_near(best, lambda shape: at(shape, best.theta))
+
+
+def at_a_limit(kind: NamedKind, simpler: AnyFit, largest: float, share: float) -> Values | None:
+    """Values at which a kind does what a fit's force does, but for a share; None if it cannot.
+
+    Parameters
+    ----------
+    kind : NamedKind
+        Another one.
+    simpler : SteadyFit
+        Of a force.
+    largest : float
+        Deflection.
+    share : float
+        Of the kind's range that is left to its end.
+    """
+    effect = simpler.effect
+    if effect is None or effect.force is not None:
+        return None
+    size = float(simpler.values[0])
+    values = (size,) if effect.shape_info is None else (size, effect.shape)
+    for nested in getattr(kind, "limits", ()):
+        if nested.means(effect.kind):
+            there = nested.widened(values, Scales(largest, 1.0), share)
+            # A joint, and most forces, cannot be of negative size.
+            positive = isinstance(kind, JointKind) or getattr(kind, "positive", False)
+            return there if there[0] > 0.0 or not positive else None
+    return None
+
+
+def as_joint(kind: NamedKind, simpler: AnyFit, largest: float) -> np.ndarray:
+    """Parameters of a joint that does nearly what a fit's force does, which it has for a limit."""
+    values = at_a_limit(kind, simpler, largest, settings().steady.at_once)
+    assert values is not None
+    return np.array(values)
 
 
 def _neighbours(fit: Fit, factor: float, at: Callable[[float], Fit | None]) -> list[Fit]:
