@@ -137,7 +137,7 @@ class AbstractForceLaw(AbstractJoint):
         verdict has to exclude, and costs time wherever it acts or not: of a diagnosis of two small
         structures, in CPU time, a softening spring 2 %, a slider with a dead band 14 and 20 %,
         Bouc-Wen 71 and 77 %, all three 87 and 95 %. Others come in where those leave more than
-        noise, with all of their parameters; where steady cycles are, when asked for by name.
+        noise, with all of their parameters; of curves, when asked for by name.
     taken_for : tuple of str
         Names that explain recordings of the law nearly as well: where one of them is found a law
         that is not tried from the beginning comes in at its place, for data that were never asked

@@ -5,11 +5,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Generic, TypeVar
 
-from iwanjax.effects.catalogue import kinds_of
+from iwanjax.effects.catalogue import kinds_in_time, kinds_of
 from iwanjax.effects.kinds import ChannelKind, ForceKind, JointKind, NamedKind
-from iwanjax.identification.steady.fit import Fit, best_of
+from iwanjax.identification.steady.fit import AnyFit, Fit, best_of
 from iwanjax.identification.steady.shapes import at_a_limit
 from iwanjax.joints import AbstractJoint
+from iwanjax.joints.force_law import AbstractForceLaw
+from iwanjax.settings.stages import settings
 
 T = TypeVar("T")
 
@@ -36,6 +38,28 @@ def channel_kinds(hypotheses: tuple[str, ...], joint: AbstractJoint) -> list[Cha
         for kind in _beside_k(hypotheses)
         if isinstance(kind, ChannelKind) and kind.moved in moved
     ]
+
+
+def late_laws(hypotheses: tuple[str, ...], best: AnyFit) -> list[JointKind]:
+    """Laws with all of their parameters that are not tried from the beginning.
+
+    Those that were asked for by name; or all where the best that was found leaves more than noise,
+    and where it does not, those that may be taken for it.
+    """
+    laws = [
+        kind
+        for kind in kinds_in_time(hypotheses)
+        if isinstance(kind, JointKind)
+        and not kind.within
+        # Of the joints' faults only these have a law whose force is of the place's own motion: an
+        # attached oscillator answers accelerations, which no loop that is driven slowly shows.
+        and isinstance(kind.law, type)
+        and issubclass(kind.law, AbstractForceLaw)
+    ]
+    if hypotheses or best.cost > settings().judgement.unexplained ** 2 * best.count:
+        return laws
+    found = best.effect.kind.name if best.effect else ""
+    return [kind for kind in laws if found in getattr(kind.law, "taken_for", ())]
 
 
 def _beside_k(hypotheses: tuple[str, ...]) -> list[NamedKind]:

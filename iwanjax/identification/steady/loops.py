@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from iwanjax.effects.kinds import ChannelKind, ForceKind, NamedKind
+from iwanjax.effects.kinds import ChannelKind, ForceKind, JointKind, NamedKind
 from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.estimation.priors import Uniform
 from iwanjax.identification.steady.fit import (
@@ -287,6 +287,34 @@ def loops_with_joint(alone: LoopFit, kind: NamedKind, limits: Sequence[LoopFit])
     rows = np.resize(np.array(starts), (known.starts, len(starts[0])))
     other = Iwan4(*_joint(0.5 * force, deflection))
     return searched(PlacedEffect(kind), _with_other(alone, other), rows, known.loop_joint_runs)
+
+
+def loops_with_law(alone: LoopFit, kind: JointKind, draws: np.ndarray) -> LoopFit | None:
+    """The joint and a law with all of its parameters; None where loops cannot show the law.
+
+    From the law's own starting values, each beside the joint as it is alone and beside a draw.
+
+    Parameters
+    ----------
+    alone, draws
+        As for :func:`loops_by_channel`.
+    kind : JointKind
+        With its law.
+    """
+    loops = alone.problem.loops
+    assert kind.law is not None
+    begun = kind.law.begun(scales_of(loops), **dict(kind.held))
+    if begun[0].discrete().rate_dependent and loops.dt is None:
+        return None
+    # Of two neighbours only the better one is run: each of the law's values once.
+    joints = itertools.cycle(joints_to_begin_with(alone, draws))
+    starts = [
+        np.append(next(joints), [float(getattr(law, info.name)) for info in law.parameters])
+        for law in begun
+        for _ in range(2)
+    ]
+    problem = _with_other(alone, begun[0])
+    return searched(PlacedEffect(kind), problem, np.array(starts), settings().steady.loop_runs)
 
 
 def loops_by_channel(
