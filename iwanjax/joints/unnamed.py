@@ -103,10 +103,11 @@ class UnnamedLaw(AbstractJoint):
         strengths = jnp.stack(self.strengths)
         return type(self)(strengths, self.deflection, self.rate, self.period, branch)
 
-    def alone(self, part: str) -> Self:
-        """One of the parts by itself, by its name in ``unnamed_terms.PARTS``."""
+    def alone(self, *parts: str) -> Self:
+        """Some of the parts by themselves, by their names in ``unnamed_terms.PARTS``."""
         kept = np.zeros(len(TERMS))
-        kept[PARTS[part]] = 1.0
+        for part in parts:
+            kept[PARTS[part]] = 1.0
         return self.with_strengths(jnp.asarray(kept) * jnp.stack(self.strengths))
 
     def save(self, path: str | Path) -> Path:

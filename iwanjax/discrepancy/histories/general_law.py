@@ -131,10 +131,9 @@ def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> 
     scope.progress(f"a general law at {place.label}, which yields along a curve")
     law, motion = found.law, _first(motion_of(found), problem)
     joints = found.fitted.theta.mean(axis=0)[: problem.parameters]
-    hysteresis = np.isin(np.arange(len(TERMS)), DUHEM, invert=True) * jnp.stack(law.strengths)
-    starts = []
+    starts, hysteresis = [], law.alone("sliders", "yielding", "bristles")
     # What it yields with: all of the force, or what of it is hysteresis.
-    for part, others in ((law, 0.0), (law.with_strengths(hysteresis), 1.0)):
+    for part, others in ((law, 0.0), (hysteresis, 1.0)):
         force = np.asarray(force_in(part, motion))
         strength, branch = nearest_branch(np.asarray(motion.d), np.asarray(motion.v), force)
         strengths = others * np.stack(law.strengths)

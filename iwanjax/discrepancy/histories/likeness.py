@@ -33,9 +33,11 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
     whole = np.sum(list(parts.values()), axis=0)
     least = settings().judgement.neighbour * _size(whole)
     acting = {name for name, each in size.items() if each > least}
-    words = []
+    elastic, reach, words = {"spring"}, float(np.max(np.abs(motion.d))), []
+    if "duhem" in acting and not _loses(law, reach):
+        elastic, acting = {"spring", "duhem"}, acting - {"duhem"} | {"spring"}
     if "spring" in acting:
-        words += ["elastic", *_shape(law, float(np.max(np.abs(motion.d))))]
+        words += ["elastic", *_shape(law.alone(*elastic), reach)]
     if "damper" in acting:
         dampers = np.array(law.strengths[PARTS["damper"]])
         # The last of them is the one that the deflection opens.
@@ -74,6 +76,16 @@ def _fading(law: UnnamedLaw) -> float:
     return 1.0 - fast / max(slow, 1e-300)
 
 
+def _loses(law: UnnamedLaw, reach: float) -> bool:
+    """Whether cycles of what yields along a curve lose more than little of what dry friction does.
+
+    Up and down the same curve, about the same force, it is a spring.
+    """
+    duhem = law.alone("duhem")
+    whole = 4.0 * reach * float(duhem.loading(reach, reach))
+    return float(duhem.dissipation(reach)) > settings().judgement.neighbour * whole
+
+
 def _pinched(law: UnnamedLaw) -> bool:
     """Whether a branch that grows away from zero stiffens again, as where something closes."""
     f = np.asarray(law.discrete().duhem.f)
@@ -88,9 +100,9 @@ def _grows(law: UnnamedLaw) -> bool:
     return bool(growing > settings().judgement.neighbour * (constant + growing))
 
 
-def _shape(law: UnnamedLaw, reach: float) -> list[str]:
-    """How the spring departs from a straight line, over the deflections that were reached."""
-    spring, share = law.alone("spring"), settings().judgement.neighbour
+def _shape(spring: UnnamedLaw, reach: float) -> list[str]:
+    """How a spring departs from a straight line, over the deflections that were reached."""
+    share = settings().judgement.neighbour
     d = reach * np.linspace(0.0, 1.0, 41)[1:]
     up, down = np.asarray(spring.backbone(d)), -np.asarray(spring.backbone(-d))
     odd, even = 0.5 * (up + down), 0.5 * (up - down)

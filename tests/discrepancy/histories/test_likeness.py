@@ -82,6 +82,16 @@ def test_a_branch_that_stiffens_again_is_called_pinched(decays, deep, words):
     assert described(law, decays, forces) == words
 
 
+def test_up_and_down_the_same_curve_is_called_a_spring(decays):
+    """Its slope depends on the size of the force alone: that of tanh, 1 - w^2."""
+    side = NODES[NODES.size // 2 :]
+    back = np.log(np.maximum(1.0 - side**2, 0.05)) + np.log(2.0)
+    branch = np.concatenate([back, np.zeros(side.size - 1)])
+    law = UnnamedLaw(np.eye(len(TERMS))[PARTS["duhem"].start], 5e-4, 0.1, 0.025, branch)
+    forces = {name: np.asarray(force_in(law.alone(name), decays)) for name in PARTS}
+    assert described(law, decays, forces) == "elastic, softening, no memory"
+
+
 @pytest.mark.parametrize(
     ("which", "words"),
     [
