@@ -12,6 +12,7 @@ from iwanjax.discrepancy.histories.score_test import by_evidence, left_likely
 from iwanjax.discrepancy.judgement import Misfit, acting, beside_general_law, judged
 from iwanjax.identification.places import Place
 from iwanjax.joints import UnnamedLaw
+from iwanjax.joints.duhem import NODES
 from iwanjax.joints.force_law import Scales
 from iwanjax.plotting import plot_unnamed
 from iwanjax.studies.verdicts import as_json
@@ -41,6 +42,43 @@ def test_the_place_comes_first_and_no_name_is_believed(found):
     assert found.probability_something_else > 0.9
     assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
     assert found.before.hold_out > 100.0 * found.noise_floor.hold_out
+
+
+K_PINCHED, SLIP = 4e4, 4e-5
+
+
+def pinching(share: float) -> float:
+    """Bouc and Wen's with the exponent 1, pinched where it grows again (Baber and Noori 1985)."""
+    open_to = 1.0 - 0.85 * math.exp(-(((share - 0.15) / 0.2) ** 2))
+    return open_to * (1.0 - max(share, 0.0))
+
+
+def pinched() -> Law:
+    z = 0.0
+
+    def force(d: float, v: float, moved: float) -> float:
+        nonlocal z
+        z += moved * pinching(math.copysign(z, z * moved) / SLIP)
+        return K_PINCHED * z
+
+    return force
+
+
+@pytest.mark.long
+def test_pinched_hysteresis_yields_along_a_curve_of_its_own():
+    found = diagnosed(pinched, (*NAMES, "coulomb_friction", "iwan_joint"))
+    assert found.what[0].label == "unnamed_law@m1-m2"
+    assert all(each.probability < 0.5 for each in found.what[1:])
+    assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
+    assert found.before.hold_out > 20.0 * found.noise_floor.hold_out
+    assert found.unnamed.description == "rate-independent hysteresis, pinched"
+    duhem = found.unnamed.law.discrete().duhem
+    assert float(duhem.force) == pytest.approx(K_PINCHED * SLIP, rel=0.02)
+    # How fast the force grows with the deflection, wherever it does.
+    expected = np.array([pinching(w) for w in NODES])
+    np.testing.assert_allclose(SLIP * np.asarray(duhem.f), expected, atol=0.25)
+    closed = np.argmin(np.where(NODES < 0.7, duhem.f, np.inf))
+    assert NODES[closed] == pytest.approx(0.15, abs=0.05)
 
 
 @pytest.mark.long
