@@ -233,6 +233,16 @@ class ChannelKind:
         meaning = f"relative change of the {self.strength}, none at {at}"
         return ParameterInfo("change", f"1/{self.channel}", meaning)
 
+    @property
+    def variant(self) -> str:
+        """The channel, which tells kinds of one name apart."""
+        return self.channel
+
+    @property
+    def catalogued(self) -> str:
+        """Name in the catalogue, whatever the channel is."""
+        return self.name.removesuffix(self.channel) + "channel" if self.channel else self.name
+
     def of(self, channel: str, middle: float) -> "ChannelKind":
         """The kind of one channel."""
         # Filled in with the place later, which braces in a name must not disturb.

@@ -74,7 +74,7 @@ def _of_one(verdict: Diagnosis, file: str | None) -> dict[str, Any]:
         "probability_something_else": verdict.probability_something_else,
         "what": [
             {
-                "kind": each.kind.name,
+                "kind": getattr(each.kind, "catalogued", each.kind.name),
                 "form": getattr(each.kind, "variant", ""),
                 "where": each.where,
                 "probability": each.probability,

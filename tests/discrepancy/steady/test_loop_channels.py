@@ -123,6 +123,7 @@ def test_only_what_a_joint_has_may_depend():
 def test_names_of_channels_stand_in_words_as_they_are(channel):
     kind = CATALOGUE["slip_force_by_channel"][0].of(channel, 1.0)
     assert kind.name == f"slip_force_by_{channel}"
+    assert (kind.catalogued, kind.variant) == ("slip_force_by_channel", channel)
     assert kind.noun.endswith(f"depends on {channel}")
     said = kind.sentence.format(where="J1", place="at J1")
     assert said == f"The slip force of J1 depends on {channel} (its parameters: at 1)"
@@ -166,7 +167,8 @@ def test_the_command_takes_channels(tmp_path):
     assert result.exit_code == 0, result.stderr
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     (entry,) = found["what"]
-    assert (entry["kind"], entry["where"]) == ("slip_force_by_temperature_c", "J1")
+    assert (entry["kind"], entry["where"]) == ("slip_force_by_channel", "J1")
+    assert entry["form"] == "temperature_c"
     assert entry["parameters"]["change"]["unit"] == "1/temperature_c"
 
 
