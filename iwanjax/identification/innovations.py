@@ -158,7 +158,7 @@ class _Run(NamedTuple):
     mobility: Array
     ends: Turned
     inertance: Array
-    inertia: Array
+    opposed: Array
     spread: Array
     faults: tuple[Any, ...]
     observe: Turned
@@ -218,7 +218,11 @@ class _Run(NamedTuple):
         size = sizes_of(suspects, values.suspects)
         shape = jnp.exp(jnp.clip(values.suspects[:, 1], -80.0, 80.0))
         compliance, mobility, n = rows @ q_late + flexibility, rows @ v_late, len(joints)
-        inertial = np.array([float(kind.inertial) for kind in predictor.kinds])
+        inertial, viscous = (
+            np.array([float(getattr(kind.law, how)) for kind in predictor.kinds])
+            for how in ("inertial", "viscous")
+        )
+        a_own, v_own = (jnp.diagonal(x[:, n:]) for x in (inertance, mobility[n:]))
         pushed = predictor.parts(push)
         # What has inertia feels the absolute acceleration, though places see the relative motion.
         carried = suspects.row @ predictor.ground.modes
@@ -245,9 +249,7 @@ class _Run(NamedTuple):
             mobility,
             turned(jnp.concatenate([compliance[:n, :n], mobility[:n, :n]])),
             inertance,
-            size
-            * (suspects.force @ inertial)
-            * jnp.diagonal(inertance[:, len(predictor.joints) :]),
+            size * (suspects.force @ inertial * a_own + suspects.force @ viscous * v_own),
             jnp.concatenate([one, nil, nil, one]),
             _set_up(predictor, suspects, size),
             turned(predictor.observation(rows, jnp.concatenate([q_late, v_late]))),
@@ -292,8 +294,9 @@ class _Run(NamedTuple):
         rows = [[J[i, j] for j in range(n)] for i in range(n)]
         e = jnp.stack(solve_general(rows, list(off))) if n else off
         total, memory = self._suspected(motion, at.memory)
-        # The acceleration holds the expected force already, which an inertia acts back on.
-        late = (-total - expected[n:]) / (1.0 + self.inertia)
+        # The motion holds the expected force already. What a force of inertia or of a linear damper
+        # is off that changes the acceleration or the rate, and this the force.
+        late = (-total - expected[n:]) / (1.0 + self.opposed)
         # As one product: what goes into sums alone a compiler works out again for each of its uses.
         last = self.spread @ jnp.concatenate([e, late])
         # What remembers too early an end turns back from it: at strong slip that would build up.

@@ -42,6 +42,7 @@ class Dashpot(AbstractRateLaw):
         "a viscous damper",
     )
     either_sign: ClassVar[bool] = True
+    viscous: ClassVar[bool] = True
 
     c: Array = eqx.field(converter=named("c"))
 

@@ -132,6 +132,8 @@ class AbstractForceLaw(AbstractJoint):
         Forms to try.
     inertial : bool
         Whether the force is in proportion to the acceleration.
+    viscous : bool
+        Whether it is in proportion to the rate.
     tried : bool
         Whether a diagnosis tries the law from the beginning. Each law is another rival that every
         verdict has to exclude, and costs time wherever it acts or not: of a diagnosis of two small
@@ -148,6 +150,7 @@ class AbstractForceLaw(AbstractJoint):
     either_sign: ClassVar[bool] = False
     variants: ClassVar[tuple[Variant, ...]] = (Variant(),)
     inertial: ClassVar[bool] = False
+    viscous: ClassVar[bool] = False
     tried: ClassVar[bool] = True
     taken_for: ClassVar[tuple[str, ...]] = ()
 
