@@ -46,7 +46,7 @@ def _nodes() -> Float[np.ndarray, " nodes"]:
     """Twelve intervals to a side, closer to zero: the first is 0.024 wide.
 
     Of Bouc and Wen's hysteresis pinched to a fifth over 0.2 of its force recordings left 1.05 times
-    their noise, as with twenty even ones. Were f constant over ten, 2.2 times; over forty, 1.15.
+    their noise, as with twenty even ones. Were f constant over ten, 2.4 times; over forty, 1.15.
     """
     side = (np.arange(1, 13) / 12.0) ** 1.5
     return np.concatenate([-side[::-1], [0.0], side])
@@ -190,6 +190,7 @@ class DuhemSpring(NamedTuple):
         x = self._slope(i) * (u - self.u[i])
         small = jnp.abs(x) < 1e-6
         safe = jnp.where(small, 1.0, x)
+        # Long before the exponential is no number any more the share is 1.
         grown = jnp.where(small, 1.0 + 0.5 * x, jnp.expm1(jnp.minimum(safe, 50.0)) / safe)
         return jnp.minimum(jnp.asarray(NODES)[i] + self.f[i] * (u - self.u[i]) * grown, 1.0)
 

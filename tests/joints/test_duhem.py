@@ -189,6 +189,7 @@ def test_the_curve_is_seen_from_force_and_motion(f):
     strength, branch = nearest_branch(d[None], v[None], force[None])
     assert strength == pytest.approx(np.max(np.abs(force)) * (1 + 1 / NODES.size))
     again = UnnamedLaw(strength * STRENGTH, D, V, T, scaled(branch, D))
+    # As a start for a search: between samples so far apart the curve is taken to be straight.
     assert np.linalg.norm(forces(again, d) - force) < 0.1 * np.linalg.norm(force)
 
 

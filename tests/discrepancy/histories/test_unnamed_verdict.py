@@ -74,7 +74,8 @@ def test_pinched_hysteresis_yields_along_a_curve_of_its_own():
     assert found.unnamed.description == "rate-independent hysteresis, pinched"
     duhem = found.unnamed.law.discrete().duhem
     assert float(duhem.force) == pytest.approx(K_PINCHED * SLIP, rel=0.02)
-    # How fast the force grows with the deflection, wherever it does.
+    # How fast the force grows with the deflection, wherever it does; by the noise, and neighbours
+    # that make up for each other, single nodes were up to 0.16 off.
     expected = np.array([pinching(w) for w in NODES])
     np.testing.assert_allclose(SLIP * np.asarray(duhem.f), expected, atol=0.25)
     closed = np.argmin(np.where(NODES < 0.7, duhem.f, np.inf))
