@@ -114,6 +114,7 @@ class ForceKind:
             self.signs,
             self.noun or self.usual,
             self.sentence,
+            self.law.nested_whole(**dict(self.held)),
             variant=self.variant,
             within=self.within,
             more=True,

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
-from iwanjax.joints.force_law import EffectName, PlaceMotion, Scales
+from iwanjax.joints.force_law import EffectName, NestedLaw, PlaceMotion, Scales
+from iwanjax.joints.jenkins import Jenkins
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
 
@@ -63,6 +64,21 @@ class Backlash(AbstractStepped):
     def starts(cls, seen: Scales) -> tuple[float, ...]:
         """A narrow clearance, and one that only large motions cross."""
         return 0.05 * seen.deflection, 0.3 * seen.deflection
+
+    @classmethod
+    def nested_whole(cls, **held: Any) -> tuple[NestedLaw, ...]:
+        """Without clearance it is dry friction."""
+        return (
+            NestedLaw(
+                Jenkins,
+                lambda values: ((values[1], values[0] / values[1]),),
+                lambda slider, seen, share: (
+                    slider[0] * slider[1],
+                    slider[0],
+                    share * seen.deflection,
+                ),
+            ),
+        )
 
     @property
     def limit_stiffness(self) -> Array:

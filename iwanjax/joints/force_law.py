@@ -206,8 +206,13 @@ class AbstractForceLaw(AbstractJoint):
 
     @classmethod
     def nested(cls, **held: Any) -> "tuple[NestedLaw, ...]":
-        """Simpler laws that it becomes at the ends of its shape's range."""
+        """Simpler laws that it becomes at the ends of its shape's range, by size and shape."""
         return ()
+
+    @classmethod
+    def nested_whole(cls, **held: Any) -> "tuple[NestedLaw, ...]":
+        """The same of the law with all of its parameters, by these in their order."""
+        return cls.nested(**held) if cls.searched() == cls.parameters else ()
 
 
 class NestedLaw(NamedTuple):
@@ -218,11 +223,11 @@ class NestedLaw(NamedTuple):
     law : type
         The simpler one.
     narrowed : function
-        Values of the law -> those of the simpler one that does most nearly the same; several
-        where it may be either.
+        Values of the law -> size and shape of the simpler one that does most nearly the same;
+        several where it may be either.
     widened : function
-        (values of the simpler law, what the place has seen, share) -> values at which the law
-        does the same, the more nearly the smaller the share.
+        (size and shape of the simpler law, what the place has seen, share) -> values at which the
+        law does the same, the more nearly the smaller the share.
     """
 
     law: type[AbstractForceLaw]

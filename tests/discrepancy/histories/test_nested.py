@@ -13,7 +13,7 @@ from two_masses import diagnosed
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
-from iwanjax.effects.catalogue import CATALOGUE, kinds_of
+from iwanjax.effects.catalogue import CATALOGUE, kinds_in_time, kinds_of
 from iwanjax.effects.faults import AbstractFault, AbstractForceFault, AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.effects.nested import Nested
@@ -42,6 +42,8 @@ def _key_of(kind: Kind) -> str:
 KINDS = {_key_of(kind): kind for kind in kinds_of()}
 # Those too that are tried only where they are named.
 ALL = {_key_of(kind): kind for kinds in CATALOGUE.values() for kind in kinds}
+# And with all of their parameters.
+WHOLE = {_key_of(kind): kind for kind in kinds_in_time() if getattr(kind, "law", None)}
 
 
 def _limits(kind: Kind) -> tuple[Nested, ...]:
@@ -54,9 +56,11 @@ def _key(nested: Nested) -> str:
 
 
 LAWS = [
-    pytest.param(kind, nested, id=f"{name}, {nested.name}")
-    for name, kind in ALL.items()
+    pytest.param(kind, nested, id=f"{word}{name}, {nested.name}")
+    for word, kinds in (("", ALL), ("whole ", WHOLE))
+    for name, kind in kinds.items()
     for nested in _limits(kind)
+    if any(map(nested.means, ALL.values()))
 ]
 # One set of kernels serves all searches.
 NAMES = (
