@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from iwanjax.effects.faults import AbstractAddedFault, AbstractForceFault
-from iwanjax.effects.kinds import Kind
+from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.identification.conditioning import MeasuredForces
 from iwanjax.identification.joint_priors import Joint, parameters_of, tangents
 from iwanjax.identification.observer import observer_gain, process_noise, stepped
@@ -203,6 +203,11 @@ class HistoryProblem:
             compiled=set(),
             _process={},
         )
+
+    def of_kinds(self, kinds: tuple[ForceKind, ...]) -> "HistoryProblem":
+        """The same of other forces: hypotheses of this one are none of it."""
+        predictor = replace(self.predictor, kinds=kinds)
+        return replace(self, predictor=predictor, compiled=set(), _process={})
 
     def data_with(self, hypothesis: Hypothesis, theta: np.ndarray) -> Data:
         """The data with the forces that acted, where a hypothesis has faults of their channels.

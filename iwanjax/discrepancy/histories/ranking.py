@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iwanjax.discrepancy.histories.score_test import Candidate, score_test
-from iwanjax.effects.kinds import Kind
+from iwanjax.effects.catalogue import kinds_in_time
+from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.estimation.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
 from iwanjax.estimation.settings import SEARCH
 from iwanjax.identification.free_values import values_measured
 from iwanjax.identification.likelihood import UNSURE, Evidence, evidence, left_by_noise, scale
-from iwanjax.identification.multistart import HypothesisFit, multistart
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
 
@@ -83,6 +84,22 @@ def scored(problem: HistoryProblem, base: HypothesisFit, scope: Scope) -> list[C
     """All that may be suspected beside a fit, the most promising first."""
     known = (scope.kinds, scope.places, scope.sensors, scope.joints)
     return score_test(problem, base, *known, scope.in_time, scope.inputs)
+
+
+def scored_by_all(
+    problem: HistoryProblem, base: HypothesisFit, scope: Scope
+) -> list[list[Candidate]]:
+    """The same of all kinds there are, for where is no question of names: about two models.
+
+    By fewer of them the place of what they cannot do looks like one beside it, where they can
+    nearly: a Maxwell element that was not suspected was looked for at its neighbour. The joints
+    are as given, and as in a fit without suspects.
+    """
+    scope.progress("screening places by all kinds")
+    every = replace(scope, kinds=kinds_in_time())
+    own = problem.of_kinds(tuple(kind for kind in every.kinds if isinstance(kind, ForceKind)))
+    starts = [Start(own.nothing(), z) for z in (own.map.given(), base.start.common)]
+    return [scored(own, each, every) for each in multistart(own, starts, SHORT_TIME_CONSTANT, 0)]
 
 
 def settled(problem: HistoryProblem, fitted: HypothesisFit, scope: Scope) -> HypothesisFit:

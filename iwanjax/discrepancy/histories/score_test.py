@@ -157,6 +157,12 @@ def places_of(candidates: Sequence[Candidate]) -> tuple[PlaceEvidence, ...]:
     return tuple(sorted(found.values(), key=lambda each: -each.log_evidence))
 
 
+def most_telling(tests: Sequence[Sequence[Candidate]]) -> tuple[PlaceEvidence, ...]:
+    """Places by the test about the joints with which any of its suspects explains most."""
+    tested = [places_of(each) for each in tests if each]
+    return max(tested, key=lambda each: each[0].reduction, default=())
+
+
 def by_evidence(tested: Sequence[PlaceEvidence], places: Sequence[Place]) -> list[Place]:
     """Places by the evidence that something acts there; those that were not tested come last."""
     known = {each.where: each.log_evidence for each in tested}

@@ -33,6 +33,7 @@ from iwanjax.discrepancy.histories.ranking import (
     ranked,
     refitted,
     scored,
+    scored_by_all,
     settled,
 )
 from iwanjax.discrepancy.histories.restarts import (
@@ -47,7 +48,7 @@ from iwanjax.discrepancy.histories.score_test import (
     by_evidence,
     excluded,
     left_likely,
-    places_of,
+    most_telling,
     where_something_acts,
 )
 from iwanjax.effects.catalogue import kinds_of
@@ -117,7 +118,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     seed : int
         Of the starts.
     """
-    known = problem.settings.selection
+    known, far = problem.settings.selection, FAR * left_by_noise(problem)
     scope.progress("refitting the joints")
     nominal = nominal_fit(problem, scope, seed)
     if not scope.in_time():
@@ -125,8 +126,8 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     scope.progress("screening kinds and places")
     candidates = scored(problem, nominal, scope)
     both = [candidates]
-    clear = bool(candidates) and places_of(candidates)[0].reduction > known.clear
-    if nominal.cost > FAR * left_by_noise(problem) and not clear and scope.in_time():
+    clear = bool(candidates) and most_telling(both)[0].reduction > known.clear
+    if nominal.cost > far and not clear and scope.in_time():
         # Joints that were bent to explain something else are a bad place to look from.
         given = Start(problem.nothing(), problem.map.given())
         both.append(scored(problem, multistart(problem, [given], SHORT_TIME_CONSTANT, 0)[0], scope))
@@ -134,18 +135,16 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
         for c in candidates
     )
-    if set(kinds_of()) <= set(scope.kinds):
-        # By fewer kinds than all a place may look empty of what they cannot do.
-        scope = replace(scope, excluded=excluded(both))
-    # About the joints with which any of them explains most.
-    tested = [places_of(each) for each in both if each]
-    places = max(tested, key=lambda each: each[0].reduction, default=())
+    # By fewer kinds than all a place may look empty of what they cannot do.
+    few = not set(kinds_of()) <= set(scope.kinds)
+    scope = scope if few else replace(scope, excluded=excluded(both))
+    places = most_telling(both)
     if not scope.in_time():
         screened = [c.start for c in candidates if c.drop > 0.0]
         return _stopped(problem, nominal, screened, scope)._replace(scores=scores, places=places)
     scope.progress("refitting suspects")
     shorts = first_fits(problem, nominal, both, scope)
-    explained = bool(shorts) and shorts[0].fitted.cost < FAR * left_by_noise(problem)
+    explained = bool(shorts) and shorts[0].fitted.cost < far
     within = FAR if explained else known.give_up
     near = [e for e in shorts[: known.second] if e.fitted.cost < within * shorts[0].fitted.cost]
     if shorts and shorts[0].fitted.cost < known.misfit * left_by_noise(problem):
@@ -155,7 +154,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         rough = [e.fitted.start for e in near]
         return _stopped(problem, nominal, rough, scope)._replace(scores=scores, places=places)
     entries = again(near, shorts[len(near) :], TIME_CONSTANT, scope)
-    if least(nominal, entries).cost > FAR * left_by_noise(problem):
+    if least(nominal, entries).cost > far:
         likely = [c for each in both for c in where_something_acts(each)]
         entries = probed(problem, shorts, entries, likely, scope)
     entries = restarted(problem, nominal, entries, scope, seed)
@@ -169,8 +168,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         singles[0] = replace(singles[0], fitted=fitted)
     # A joint that looks like two simple forces, or one, is tried before two are looked for.
     early = like_a_joint(least(nominal, singles))
-    candidates = where_something_acts(candidates)
-    entries = singles
+    candidates, entries = where_something_acts(candidates), singles
     if early:
         entries = with_joints_left_out(problem, nominal, shorts, entries, candidates, scope)
     if found and not _in_a_joint(problem, least(nominal, entries), entries):
@@ -185,11 +183,12 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         base = replace(base, fitted=renominated(problem, base.fitted, entries, scope))
         base, entries = ranked(base, entries)
     # What even so is not explained may be a law of more parameters, or two at one place.
+    if few and least(base.fitted, entries).cost > far and scope.in_time():
+        places = most_telling(scored_by_all(problem, base.fitted, scope)) or places
     likely, near = by_evidence(places, scope.places), left_likely(places, scope.places)
     entries = further_laws(problem, base.fitted, shorts, entries, likely, len(near), scope)
     general, failures = None, list[str]()
-    left = least(base.fitted, entries).cost
-    if left > FAR * left_by_noise(problem) and near and scope.in_time():
+    if least(base.fitted, entries).cost > far and near and scope.in_time():
         law = partial(general_law, problem, base.fitted, entries, near, scope)
         general = attempted("looking for a law that has no name", law, None, failures)
     if general is not None:

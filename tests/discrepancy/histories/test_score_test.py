@@ -11,7 +11,8 @@ import scipy.optimize
 import scipy.stats
 from linear_pair import JOINT, NAMES, ROWS, C, K, M, measured_force, problem, simulated
 
-from iwanjax.discrepancy.histories.score_test import Candidate, score_test
+from iwanjax.discrepancy.histories.ranking import Scope, scored, scored_by_all
+from iwanjax.discrepancy.histories.score_test import Candidate, places_of, score_test
 from iwanjax.effects.catalogue import CATALOGUE
 from iwanjax.identification.columns import columns, unit_effects
 from iwanjax.identification.linearise import linearise, residuals_at
@@ -187,3 +188,16 @@ def test_without_an_effect_falls_are_chi_square(empty):
         assert scipy.stats.kstest(falls, "chi2", args=(1,)).pvalue > 0.01
         # Three deviations of a mean; taken for white, noise would leave 0.43 more.
         assert np.mean(falls) == pytest.approx(1.0, abs=3.0 * math.sqrt(2.0 / DRAWS))
+
+
+@pytest.mark.parametrize("where", ["m1", "m2"])
+def test_where_something_acts_is_seen_though_its_kind_is_not_suspected(where):
+    lacking = recorded("viscous_damping", 60.0, where)
+    scope = Scope(CATALOGUE["cubic_stiffness"], lacking.places, SENSORS, (), lambda: True, print)
+    few = places_of(scored(lacking.problem, lacking.base, scope))
+    assert few[0].reduction < 0.2
+    for test in scored_by_all(lacking.problem, lacking.base, scope):
+        first, second, *_ = places_of(test)
+        assert first.where == where
+        assert first.reduction > 0.9
+        assert first.log_evidence > second.log_evidence + 10.0
