@@ -41,21 +41,18 @@ class SensorHum(AbstractAddedFault):
 
     def tuned(self, left: np.ndarray, dt: float) -> "Self | None":
         """At the frequency near that of a mains that explains most; None where none is seen."""
-        from scipy.signal import zoom_fft  # here, because it takes a second to import
-
-        step = _TURN / (left.shape[1] * dt)
-        found = []
-        for mains in _MAINS:
-            if mains * (1.0 + _OFF) * dt < END:
-                own = np.arange(mains * (1.0 - _OFF), mains * (1.0 + _OFF), step)
-                # In half sampling rates.
-                band = 2.0 * dt * np.array([own[0], own[0] + step * own.size])
-                power = np.abs(zoom_fft(left, band, own.size, axis=1)) ** 2
-                best = int(np.argmax(power.sum(axis=0)))
-                found.append((float(power.sum(axis=0)[best]), float(own[best])))
-        if not found:
+        steps = round(left.shape[1] / _TURN)
+        f = np.fft.rfftfreq(steps, dt)
+        # Of a recording of less than a few turns one step is more than the mains is off.
+        near = [
+            np.abs(f - mains) <= max(_OFF * mains, f[1])
+            for mains in _MAINS
+            if mains * (1.0 + _OFF) * dt < END
+        ]
+        if not near:
             return None
-        frequency = max(found)[1]
+        power = np.sum(np.abs(np.fft.rfft(left, steps, axis=1)) ** 2, axis=0)
+        frequency = float(f[np.argmax(power * np.any(near, axis=0))])
         orders = tuple(order for order in _ORDERS if order * frequency * dt < END)
         return replace(self, frequency=frequency, orders=orders)
 

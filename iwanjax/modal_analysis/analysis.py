@@ -8,7 +8,6 @@ from typing import Literal
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy.ndimage import uniform_filter1d
 
 from iwanjax.errors import InputError
 from iwanjax.estimation.parameters import Chart
@@ -165,6 +164,8 @@ def _first_deviation(responses: FrequencyResponses) -> Float[np.ndarray, "F s i"
 
 
 def _averaged(square: np.ndarray) -> np.ndarray:
+    from scipy.ndimage import uniform_filter1d  # here, because it takes a tenth of a second
+
     return uniform_filter1d(square, 2 * _NEIGHBOURS + 1, axis=0, mode="nearest")
 
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import bilinear, firwin, lfilter, upfirdn
 
 from iwanjax.trial.effects import Effect
 from iwanjax.trial.physics import FILTER_SPAN
@@ -18,6 +17,8 @@ from iwanjax.trial.structure import Array, TrialStructure
 
 def decimate(signal: Array, samples: int, oversampling: int, first: int = 0) -> Array:
     """Zero-phase anti-alias filter at 0.4 of the sampling rate; its samples from `first` on."""
+    from scipy.signal import firwin, upfirdn  # here, because they take long to import
+
     taps = firwin(2 * FILTER_SPAN * oversampling + 1, 0.8 / oversampling, window=("kaiser", 8.0))  # type: ignore[arg-type]
     begin = FILTER_SPAN + first
     return upfirdn(taps, signal, down=oversampling, axis=0)[begin : begin + samples]
@@ -33,6 +34,8 @@ def _delayed(signal: Array, steps: NDArray[np.int64]) -> Array:
 
 def high_passed(signal: Array, corner: float, rate: float) -> Array:
     """Signal (step, ...) after AC coupling: s / (s + 2 pi corner), at rest before."""
+    from scipy.signal import bilinear, lfilter
+
     return lfilter(*bilinear([1.0, 0.0], [1.0, 2 * np.pi * corner], rate), signal, axis=0)  # type: ignore[return-value]
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from iwanjax.results import AbstractResult
 from iwanjax.tables import Block, Grid, without_empty_columns
@@ -105,8 +105,8 @@ class TrialOutcome(NamedTuple):
 def jeffreys_interval(hits: int, of: int) -> tuple[float, float]:
     """Ends of a share's 90 % interval by Jeffreys' prior (Brown, Cai and DasGupta 2001)."""
     tail = 0.5 * (1.0 - _INTERVAL)
-    low = float(beta.ppf(tail, hits + 0.5, of - hits + 0.5)) if hits else 0.0
-    high = float(beta.ppf(1.0 - tail, hits + 0.5, of - hits + 0.5)) if hits < of else 1.0
+    low = float(betaincinv(hits + 0.5, of - hits + 0.5, tail)) if hits else 0.0
+    high = float(betaincinv(hits + 0.5, of - hits + 0.5, 1.0 - tail)) if hits < of else 1.0
     return low, high
 
 

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import resample_poly
 
 from iwanjax.errors import InputError
 from iwanjax.trial.acquisition import decimate, saturate, transduced
@@ -225,6 +224,8 @@ def _with_steps(
 
 def fine_forces(takes: Sequence[Take], samples: int, steps: int) -> Array:
     """Forces (step, recording, input) between the samples, those of a recording's band."""
+    from scipy.signal import resample_poly  # here, because it takes long to import
+
     fine = np.zeros(((samples + FILTER_SPAN) * steps + 1, len(takes), takes[0].force.shape[1]))
     known: dict[int, Array] = {}
     for i, take in enumerate(takes):

@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from scipy.optimize import nnls
 
 from iwanjax.discrepancy.histories.likeness import SizedLaw, nearest_pairs
 from iwanjax.discrepancy.histories.ranking import (
@@ -245,6 +244,8 @@ def nearest_strengths(
     blank, strengths = blank_at(place), np.zeros(len(TERMS))
     each = jnp.eye(len(TERMS))[terms]
     units = jax.vmap(lambda s: force_in(blank.with_strengths(s), motion))(each)
+    from scipy.optimize import nnls  # here, because few need it and it is slow to import
+
     columns = np.asarray(units).reshape(len(terms), -1).T
     if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(force))):
         return strengths
