@@ -10,6 +10,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from iwanjax.effects.catalogue import sensor_faults_of
 from iwanjax.effects.faults import AbstractAddedFault, AbstractForceFault
 from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.identification.conditioning import MeasuredForces
@@ -204,9 +205,13 @@ class HistoryProblem:
             _process={},
         )
 
-    def of_kinds(self, kinds: tuple[ForceKind, ...]) -> "HistoryProblem":
-        """The same of other forces: hypotheses of this one are none of it."""
-        predictor = replace(self.predictor, kinds=kinds)
+    def of_kinds(self, kinds: Sequence[Kind]) -> "HistoryProblem":
+        """The same of other forces and faults of sensors: hypotheses of this one are none of it."""
+        predictor = replace(
+            self.predictor,
+            kinds=tuple(kind for kind in kinds if isinstance(kind, ForceKind)),
+            faults=sensor_faults_of(kinds),
+        )
         return replace(self, predictor=predictor, compiled=set(), _process={})
 
     def data_with(self, hypothesis: Hypothesis, theta: np.ndarray) -> Data:

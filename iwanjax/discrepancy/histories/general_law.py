@@ -23,12 +23,13 @@ from iwanjax.discrepancy.histories.ranking import (
 )
 from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.effects.kinds import ForceKind, UnnamedKind
-from iwanjax.estimation.evidence import shares
+from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE, shares
 from iwanjax.estimation.settings import SEARCH
 from iwanjax.identification import hypotheses
 from iwanjax.identification.innovations import AtSamples
 from iwanjax.identification.kernels import observed
 from iwanjax.identification.likelihood import evidence, left_by_noise, scale
+from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
@@ -37,6 +38,8 @@ from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.duhem import FIRST_BRANCH, nearest_branch, scaled
 from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, PARTS, TERMS
 
+# Terms of a force that depends on where the motion has been.
+_HYSTERESIS = ("sliders", "yielding", "bristles")
 # Of the logarithm of a largest deflection: a quarter of the outermost interval of the spring.
 _TO_SCALE = 0.05
 
@@ -101,7 +104,7 @@ def general_law(
         begun = problem, UnnamedKind(), place, [*joints, *named], short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
     first, *others = sorted(tried, key=lambda each: each.fitted.cost)
-    ended = [_best_way(first, problem, scope)]
+    ended = [_best_way(first, problem, nominal, scope)]
     if ended[0].fitted.cost > FAR * left_by_noise(problem):
         others = [each.onward(short, STEPS, scope.in_time) for each in others]
     ended += others
@@ -110,14 +113,37 @@ def general_law(
     return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]))
 
 
-def _best_way(first: UnnamedFit, problem: HistoryProblem, scope: Scope) -> UnnamedFit:
+def _best_way(
+    first: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit, scope: Scope
+) -> UnnamedFit:
     """Gone on with as it is, and with a spring that yields along a curve: what lasts longer.
 
-    With a short memory of the observer either comes near to what the other does.
+    With a short memory of the observer either comes near to what the other does. The curve is
+    tried where hysteresis does more to the recordings than is left of them.
     """
-    ways = [_gone_on_with(each, scope) for each in (first, _along_a_curve(first, problem, scope))]
+    found, noise = _gone_on_with(first, scope), left_by_noise(problem)
+    least = MODEL_ERROR_ALLOWANCE * noise
+    if _done_by_hysteresis(found, problem, nominal) < max(found.fitted.cost - noise, least):
+        return found
     known = (TIME_CONSTANT,), STEPS, scope.in_time
-    return min(ways, key=lambda each: each.onward(*known).fitted.cost)
+    lasting = found.onward(*known).fitted.cost
+    if lasting < noise + least:
+        return found
+    other = _gone_on_with(_along_a_curve(first, problem, scope), scope)
+    return other if other.onward(*known).fitted.cost < lasting else found
+
+
+def _done_by_hysteresis(
+    found: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit
+) -> float:
+    """Of the squares that a law takes away what hysteresis does, by its share of the force."""
+    point = (nominal.hypothesis, nominal.theta)
+    (before,) = squares_at(problem, [point], found.fitted.time_constant)
+    motion = _first(motion_of(found), problem)
+    whole = np.asarray(force_in(found.law, motion))
+    part = np.asarray(force_in(found.law.alone(*_HYSTERESIS), motion))
+    share = np.linalg.norm(part) / max(np.linalg.norm(whole), 1e-300)
+    return float(share**2 * max(before - found.fitted.cost, 0.0))
 
 
 def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> UnnamedFit:
@@ -126,7 +152,7 @@ def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> 
     scope.progress(f"a general law at {place.label}, which yields along a curve")
     law, motion = found.law, _first(motion_of(found), problem)
     joints = found.fitted.theta.mean(axis=0)[: problem.parameters]
-    starts, hysteresis = [], law.alone("sliders", "yielding", "bristles")
+    starts, hysteresis = [], law.alone(*_HYSTERESIS)
     # What it yields with: all of the force, or what of it is hysteresis.
     for part, others in ((law, 0.0), (hysteresis, 1.0)):
         force = np.asarray(force_in(part, motion))

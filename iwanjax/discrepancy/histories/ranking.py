@@ -8,7 +8,7 @@ import numpy as np
 
 from iwanjax.discrepancy.histories.score_test import Candidate, score_test
 from iwanjax.effects.catalogue import kinds_in_time
-from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.effects.kinds import Kind
 from iwanjax.estimation.evidence import LEAST_GAIN, MODEL_ERROR_ALLOWANCE
 from iwanjax.estimation.settings import SEARCH
 from iwanjax.identification.free_values import values_measured
@@ -97,7 +97,7 @@ def scored_by_all(
     """
     scope.progress("screening places by all kinds")
     every = replace(scope, kinds=kinds_in_time())
-    own = problem.of_kinds(tuple(kind for kind in every.kinds if isinstance(kind, ForceKind)))
+    own = problem.of_kinds(every.kinds)
     starts = [Start(own.nothing(), z) for z in (own.map.given(), base.start.common)]
     return [scored(own, each, every) for each in multistart(own, starts, SHORT_TIME_CONSTANT, 0)]
 

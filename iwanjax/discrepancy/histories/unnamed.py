@@ -17,14 +17,14 @@ from iwanjax.discrepancy.histories.general_law import (
     motion_of,
 )
 from iwanjax.discrepancy.histories.likeness import described, nearest
-from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit, Scope
+from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit, Scope, least
 from iwanjax.discrepancy.histories.score_test import left_likely
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
 from iwanjax.effects.kinds import ForceKind, UnnamedKind
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG
-from iwanjax.identification.likelihood import covariance
+from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit
 from iwanjax.joints.unnamed_terms import PARTS
@@ -140,11 +140,15 @@ def beyond_names(
     Returns
     -------
     Beyond or None
-        None where a name explains the recordings, or the law explains less than the names do.
+        None where a name explains the recordings, be it but those fitted, of which alone a law can
+        learn; or where the law explains less than the names do.
     """
     verdict, best, allowed = ended.verdict, ended.best, ended.allowed
     named = misfit(best, best, allowed)
     if not verdict.detected or named.largest <= AS_LIKELY_WRONG or not scope.in_time():
+        return None
+    enough = problem.settings.selection.misfit * left_by_noise(problem)
+    if least(table.nominal.fitted, table.entries).cost < enough:
         return None
     placed = unnamed_law(table, problem, scope)
     failures: list[str] = []
