@@ -11,6 +11,9 @@ from jaxtyping import Array, Float
 from iwanjax.effects.nested import Nested
 from iwanjax.joints import ParameterInfo
 
+TURNED = -2.0
+"""Error of the gain of a channel with the opposite sign."""
+
 
 @dataclass(frozen=True)
 class AbstractFault(abc.ABC):
@@ -30,8 +33,9 @@ class AbstractFault(abc.ABC):
         With its article, and what a verdict says of it: ``{where}`` is the channel's label.
     fixed : float, optional
         The size, where there is nothing to fit.
-    limits : tuple of Nested
-        Simpler kinds that it becomes at one size: with nothing to fit.
+    turned : str
+        The kind of a channel of the opposite sign, with nothing to fit, which one with a wrong gain
+        becomes.
 
     Attributes
     ----------
@@ -50,10 +54,16 @@ class AbstractFault(abc.ABC):
     noun: str
     sentence: str
     fixed: float | None = None
-    limits: tuple[Nested, ...] = ()
+    turned: str = ""
     positive: ClassVar[bool] = False
     none_at_infinity: ClassVar[bool] = False
     most: ClassVar[float] = math.inf
+
+    @property
+    def limits(self) -> tuple[Nested, ...]:
+        """Simpler kinds that it becomes at one size."""
+        opposite = Nested(self.turned, lambda _: ((TURNED,),), lambda values, *_: values)
+        return (opposite,) if self.turned else ()
 
     def unit(self, dt: float) -> float:
         """What a size of 1 is where samples are dt apart, s."""

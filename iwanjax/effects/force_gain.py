@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from iwanjax.effects.faults import AbstractForceFault
-from iwanjax.effects.sensor_gain import TURNED, wrong_sign
+from iwanjax.effects.faults import TURNED, AbstractForceFault
 from iwanjax.joints import ParameterInfo
 
 
@@ -22,7 +21,7 @@ GAIN = ForceGain(
     "all sensors off by the same share wherever one input drives",
     "a wrong gain of the force",
     "The force at {where} has a wrong gain",
-    limits=(wrong_sign("force_polarity"),),
+    turned="force_polarity",
 )
 POLARITY = ForceGain(
     "force_polarity",

@@ -4,9 +4,7 @@ from dataclasses import replace
 
 from iwanjax.effects.kinds import ChannelKind, JointKind, ModeKind, missing
 from iwanjax.joints import AttachedOscillator, Iwan4, ParameterInfo
-from iwanjax.joints.attached_oscillator import STIFFLY_HELD
 from iwanjax.joints.force_law import WITHIN_K
-from iwanjax.joints.iwan4 import NEVER_SLIPPING, SLIDING_AT_ONCE
 
 _LEFT_OUT = JointKind(
     "iwan_joint",
@@ -15,8 +13,8 @@ _LEFT_OUT = JointKind(
     "microslip where no joint is",
     "a joint",
     missing("a joint"),
-    (SLIDING_AT_ONCE, NEVER_SLIPPING),
     more=True,
+    element=Iwan4,
 )
 JOINT_FAULTS = (
     JointKind(
@@ -39,11 +37,9 @@ JOINT_FAULTS = (
         "Joint {where} changes from recording to recording",
     ),
     _LEFT_OUT,
-    # One that never slips is nothing then.
     replace(
         _LEFT_OUT,
         sentence=f"{_LEFT_OUT.sentence}, {WITHIN_K.words}",
-        nested=(SLIDING_AT_ONCE,),
         variant=WITHIN_K.words,
         within=True,
     ),
@@ -54,7 +50,6 @@ JOINT_FAULTS = (
         "a resonance that the model has not, and one beside it that is split or shifted",
         "an attached oscillator",
         missing("an attached oscillator"),
-        (STIFFLY_HELD,),
         more=True,
         law=AttachedOscillator,
     ),

@@ -9,8 +9,15 @@ from jaxtyping import Array
 
 from iwanjax.effects.faults import AbstractFault
 from iwanjax.effects.nested import Nested, softened
-from iwanjax.joints import JOINTS, ParameterInfo
-from iwanjax.joints.force_law import AbstractForceLaw, CanBegin, NestedLaw, PlaceMotion, Scales
+from iwanjax.joints import JOINTS, LinearSpring, ParameterInfo
+from iwanjax.joints.force_law import (
+    AbstractForceLaw,
+    CanBegin,
+    HasLimits,
+    NestedLaw,
+    PlaceMotion,
+    Scales,
+)
 
 _YIELDS = (0.05, 0.3)
 """Shares of the largest deflection at which a law whose stiffness is in K is first tried."""
@@ -114,7 +121,6 @@ class ForceKind:
             self.signs,
             self.noun or self.usual,
             self.sentence,
-            self.law.nested_whole(**dict(self.held)),
             variant=self.variant,
             within=self.within,
             more=True,
@@ -137,8 +143,6 @@ class JointKind:
         As for :class:`ForceKind`.
     parameters : tuple of ParameterInfo
         What is fitted.
-    nested : tuple of NestedLaw
-        Simpler laws that a joint becomes.
     variant, within
         As for :class:`ForceKind`, of a joint left out.
     more : bool
@@ -147,6 +151,8 @@ class JointKind:
         Of which all parameters are fitted, where all other kinds leave much.
     held : tuple of (str, value)
         Other arguments of what a search begins with.
+    element : type, optional
+        What a joint too few is, where that is no ``law``.
     """
 
     name: str
@@ -155,17 +161,20 @@ class JointKind:
     signs: str
     noun: str
     sentence: str
-    nested: tuple[NestedLaw, ...] = ()
     variant: str = ""
     within: bool = False
     more: bool = False
     law: type[CanBegin] | None = None
     held: tuple[tuple[str, Any], ...] = ()
+    element: type[HasLimits] | None = None
 
     @property
     def limits(self) -> tuple[Nested, ...]:
-        """As for :class:`ForceKind`."""
-        return tuple(each._replace(within=self.within) for each in _nested(self.nested))
+        """As for :class:`ForceKind`; what K holds and never gives way is nothing."""
+        element = self.element or self.law
+        laws = element.nested_whole(**dict(self.held)) if element else ()
+        laws = [each for each in laws if not (self.within and each.law is LinearSpring)]
+        return tuple(each._replace(within=self.within) for each in _nested(laws))
 
 
 @dataclass(frozen=True)
@@ -176,8 +185,6 @@ class ModeKind:
     ----------
     name, usual, size, signs, noun, sentence
         As for :class:`ForceKind`.
-    limits : tuple of Nested
-        As for :class:`ForceKind`.
     """
 
     name: str
@@ -186,9 +193,9 @@ class ModeKind:
     signs: str
     noun: str
     sentence: str
-    limits: tuple[Nested, ...] = ()
-    # There is nothing about it beside its size.
+    # There is nothing about it beside its size, and no simpler kind is a limit of it.
     shape: ClassVar[None] = None
+    limits: ClassVar[tuple[Nested, ...]] = ()
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,8 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.effects.faults import AbstractSensorFault
-from iwanjax.effects.nested import Nested
+from iwanjax.effects.faults import TURNED, AbstractSensorFault
 from iwanjax.joints import ParameterInfo
-
-TURNED = -2.0
-"""Error of the gain of a channel with the opposite sign."""
 
 
 class SensorGain(AbstractSensorFault):
@@ -35,11 +31,6 @@ class SensorGain(AbstractSensorFault):
         return set_up * seen, memory
 
 
-def wrong_sign(name: str) -> Nested:
-    """The kind of a channel with the opposite sign, which one with a wrong gain becomes."""
-    return Nested(name, lambda _: ((TURNED,),), lambda turned, *_: turned)
-
-
 GAIN = SensorGain(
     "sensor_gain",
     "calibration of a sensor",
@@ -47,7 +38,7 @@ GAIN = SensorGain(
     "one sensor off by the same share at every frequency and amplitude",
     "a wrong gain",
     "Sensor {where} has a wrong gain",
-    limits=(wrong_sign("sensor_polarity"),),
+    turned="sensor_polarity",
 )
 POLARITY = SensorGain(
     "sensor_polarity",

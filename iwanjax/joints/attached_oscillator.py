@@ -112,6 +112,21 @@ class AttachedOscillator(AbstractMotionOnly):
         """
         return jnp.pi * self._stiffness(self._rate(omega))[1] * real(d) ** 2
 
+    @classmethod
+    def nested_whole(cls, **held: Any) -> tuple[NestedLaw, ...]:
+        """On a spring that is stiff enough it is a mass and nothing else."""
+        return (
+            NestedLaw(
+                Inertia,
+                lambda values: ((values[0],),),
+                lambda mass, seen, share: (
+                    mass[0],
+                    mass[0] * (2.0 * np.pi / (share * seen.period)) ** 2,
+                    mass[0] * 2.0 * np.pi / (share * seen.period),
+                ),
+            ),
+        )
+
     def _stiffness(self, omega: ArrayLike) -> tuple[Array, Array]:
         """Real and imaginary part of K."""
         w = real(omega)
@@ -119,18 +134,6 @@ class AttachedOscillator(AbstractMotionOnly):
         off = self.k - inertia
         scale = -inertia / (off**2 + drag**2)
         return scale * (self.k * off + drag**2), -scale * drag * inertia
-
-
-STIFFLY_HELD = NestedLaw(
-    Inertia,
-    lambda values: ((values[0],),),
-    lambda mass, seen, share: (
-        mass[0],
-        mass[0] * (2.0 * np.pi / (share * seen.period)) ** 2,
-        mass[0] * 2.0 * np.pi / (share * seen.period),
-    ),
-)
-"""On a spring that is stiff enough it is a mass and nothing else."""
 
 
 class AttachedState(NamedTuple):

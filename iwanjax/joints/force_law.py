@@ -108,7 +108,16 @@ WITHIN_K = Variant("with its stiffness at rest in K already", within=True)
 """Of laws that give way from a stiffness at rest."""
 
 
-class CanBegin(Protocol):
+class HasLimits(Protocol):
+    """An element that knows what it becomes at the ends of its parameters' ranges."""
+
+    @classmethod
+    def nested_whole(cls, **held: Any) -> "tuple[NestedLaw, ...]":
+        """Simpler laws, by all of the element's parameters in their order."""
+        ...
+
+
+class CanBegin(HasLimits, Protocol):
     """An element that knows where a search of all its parameters may begin."""
 
     @classmethod

@@ -1,7 +1,7 @@
 """Segalman's four-parameter Iwan element in closed form."""
 
 from collections.abc import Callable
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -213,6 +213,27 @@ class Iwan4(AbstractIwan):
         """Loading branch of the steady loop of amplitude d_0, by Masing's rule."""
         return masing_loading(self.law(), real(d), real(d_0))
 
+    @classmethod
+    def nested_whole(cls, **held: Any) -> tuple[NestedLaw, ...]:
+        """One all of whose sliders slip at once is dry friction, one that never slips a spring."""
+        return (
+            NestedLaw(
+                Jenkins,
+                _sliders,
+                lambda slider, seen, share: (slider[0] * slider[1], slider[0], _CHI, 1.0 / share),
+            ),
+            NestedLaw(
+                LinearSpring,
+                lambda values: (values[1:2],),
+                lambda spring, seen, share: (
+                    spring[0] * seen.deflection / share,
+                    *spring,
+                    _CHI,
+                    1.0 / share,
+                ),
+            ),
+        )
+
     @property
     def _remaining(self) -> Array:
         """F_S/(K_T phi_max) = 1 - rho/(chi+2), without the difference of near equals."""
@@ -239,17 +260,3 @@ def _sliders(values: Values) -> tuple[Values, ...]:
     """With a joint's stiffness, and its strength or the largest slip of its sliders."""
     F_S, K_T, *_ = values
     return (K_T, F_S / K_T), (K_T, float(Iwan4(*values).phi_max))
-
-
-SLIDING_AT_ONCE = NestedLaw(
-    Jenkins,
-    _sliders,
-    lambda slider, seen, share: (slider[0] * slider[1], slider[0], _CHI, 1.0 / share),
-)
-"""Of an Iwan element in its parameters' order, the one all of whose sliders slip at once."""
-NEVER_SLIPPING = NestedLaw(
-    LinearSpring,
-    lambda values: (values[1:2],),
-    lambda spring, seen, share: (spring[0] * seen.deflection / share, *spring, _CHI, 1.0 / share),
-)
-"""Of an Iwan element in its parameters' order, the one that never slips."""

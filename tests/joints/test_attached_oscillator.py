@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 
 import iwanjax as ij
 from iwanjax.joints import AttachedOscillator, Inertia, Scales
-from iwanjax.joints.attached_oscillator import STIFFLY_HELD
 
 M, K, C = 0.3, 4.0e3, 5.0
 
@@ -90,9 +89,10 @@ def test_derivatives_are_those_of_differences(per_step, ratio, seed):
 
 def test_it_is_the_mass_where_it_is_held_stiffly():
     seen = Scales(1e-3, 0.05)
-    stiff = AttachedOscillator(*STIFFLY_HELD.widened((M,), seen, 1e-2))
-    assert STIFFLY_HELD.law is Inertia
-    assert STIFFLY_HELD.narrowed((M, K, C)) == ((M,),)
+    (held,) = AttachedOscillator.nested_whole()
+    stiff = AttachedOscillator(*held.widened((M,), seen, 1e-2))
+    assert held.law is Inertia
+    assert held.narrowed((M, K, C)) == ((M,),)
     w = 2.0 * np.pi / seen.period
     assert float(stiff.secant(1.0, omega=w)) == pytest.approx(-M * w**2, rel=1e-3)
 

@@ -14,10 +14,14 @@ from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
 from iwanjax.effects.catalogue import CATALOGUE, kinds_in_time, kinds_of
-from iwanjax.effects.faults import AbstractFault, AbstractForceFault, AbstractSensorFault
+from iwanjax.effects.faults import (
+    TURNED,
+    AbstractFault,
+    AbstractForceFault,
+    AbstractSensorFault,
+)
 from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.effects.nested import Nested
-from iwanjax.effects.sensor_gain import TURNED
 from iwanjax.identification.hypotheses import (
     JointStart,
     channel,
@@ -60,7 +64,6 @@ LAWS = [
     for word, kinds in (("", ALL), ("whole ", WHOLE))
     for name, kind in kinds.items()
     for nested in _limits(kind)
-    if any(map(nested.means, ALL.values()))
 ]
 # One set of kernels serves all searches.
 NAMES = (
