@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.force_law import EffectName, NestedLaw, PlaceMotion, Scales
-from iwanjax.joints.jenkins import Jenkins
+from iwanjax.joints.jenkins import dry_friction_within
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
 
@@ -68,17 +68,7 @@ class Backlash(AbstractStepped):
     @classmethod
     def nested_whole(cls, **held: Any) -> tuple[NestedLaw, ...]:
         """Without clearance it is dry friction."""
-        return (
-            NestedLaw(
-                Jenkins,
-                lambda values: ((values[1], values[0] / values[1]),),
-                lambda slider, seen, share: (
-                    slider[0] * slider[1],
-                    slider[0],
-                    share * seen.deflection,
-                ),
-            ),
-        )
+        return (dry_friction_within(lambda seen, share: (share * seen.deflection,)),)
 
     @property
     def limit_stiffness(self) -> Array:

@@ -20,8 +20,8 @@ from iwanjax.joints.force_law import (
     Scales,
     Variant,
 )
-from iwanjax.joints.jenkins import Jenkins
-from iwanjax.joints.springs import NEVER_GIVING_WAY, LinearSpring
+from iwanjax.joints.jenkins import dry_friction_within, spring_within
+from iwanjax.joints.springs import NEVER_GIVING_WAY
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
 
@@ -106,20 +106,8 @@ class BoucWen(AbstractStepped):
     def nested_whole(cls, **held: Any) -> tuple[NestedLaw, ...]:
         """One that yields all at once is dry friction; one that never does a spring."""
         return (
-            NestedLaw(
-                Jenkins,
-                lambda values: ((values[1], values[0] / values[1]),),
-                lambda slider, seen, share: (slider[0] * slider[1], slider[0], 1.0 / share),
-            ),
-            NestedLaw(
-                LinearSpring,
-                lambda values: (values[1:2],),
-                lambda spring, seen, share: (
-                    spring[0] * seen.deflection / share,
-                    *spring,
-                    2.0,
-                ),
-            ),
+            dry_friction_within(lambda seen, share: (1.0 / share,)),
+            spring_within(lambda seen, share: (2.0,)),
         )
 
     @property

@@ -12,12 +12,11 @@ from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.discrete import AbstractDiscrete
 from iwanjax.joints.force_law import NestedLaw, Values
 from iwanjax.joints.iwan import IWAN_PARAMETERS, AbstractIwan, physical_of
-from iwanjax.joints.jenkins import Jenkins
+from iwanjax.joints.jenkins import dry_friction_within, spring_within
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.power import power
 from iwanjax.joints.reversals import Reversals
 from iwanjax.joints.sliders import SLIDERS
-from iwanjax.joints.springs import LinearSpring
 from iwanjax.types import ArrayLike, real
 
 # Gauss-Legendre nodes of tau in (0, pi/2), for the first harmonic.
@@ -217,21 +216,8 @@ class Iwan4(AbstractIwan):
     def nested_whole(cls, **held: Any) -> tuple[NestedLaw, ...]:
         """One all of whose sliders slip at once is dry friction, one that never slips a spring."""
         return (
-            NestedLaw(
-                Jenkins,
-                _sliders,
-                lambda slider, seen, share: (slider[0] * slider[1], slider[0], _CHI, 1.0 / share),
-            ),
-            NestedLaw(
-                LinearSpring,
-                lambda values: (values[1:2],),
-                lambda spring, seen, share: (
-                    spring[0] * seen.deflection / share,
-                    *spring,
-                    _CHI,
-                    1.0 / share,
-                ),
-            ),
+            dry_friction_within(lambda seen, share: (_CHI, 1.0 / share), _sliders),
+            spring_within(lambda seen, share: (_CHI, 1.0 / share)),
         )
 
     @property

@@ -1,5 +1,6 @@
 """The Jenkins element: a spring in series with one Coulomb slider."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ClassVar, Self
 
@@ -15,11 +16,12 @@ from iwanjax.joints.force_law import (
     NestedLaw,
     PlaceMotion,
     Scales,
+    Values,
     Variant,
 )
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.sliders import SLIDERS, SliderBank
-from iwanjax.joints.springs import NEVER_GIVING_WAY
+from iwanjax.joints.springs import NEVER_GIVING_WAY, LinearSpring
 from iwanjax.types import ArrayLike, real
 
 
@@ -126,3 +128,38 @@ class Jenkins(AbstractForceLaw):
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """Loading branch of the steady loop of amplitude d_0, by Masing's rule."""
         return masing_loading(self.law(), real(d), real(d_0))
+
+
+def dry_friction_within(
+    rest: Callable[[Scales, float], Values],
+    narrowed: Callable[[Values], tuple[Values, ...]] = lambda values: (
+        (values[1], values[0] / values[1]),
+    ),
+) -> NestedLaw:
+    """Dry friction as a limit of an element whose parameters begin with F_S and K_T.
+
+    Parameters
+    ----------
+    rest : function
+        (what the place has seen, share) -> its other parameters, at which it slides at once.
+    narrowed : function, optional
+        As of :class:`~iwanjax.joints.force_law.NestedLaw`; by default of the same F_S and K_T.
+    """
+    return NestedLaw(
+        Jenkins,
+        narrowed,
+        lambda slider, seen, share: (slider[0] * slider[1], slider[0], *rest(seen, share)),
+    )
+
+
+def spring_within(rest: Callable[[Scales, float], Values]) -> NestedLaw:
+    """A spring as a limit of such an element, one that never slips; ``rest`` as for friction."""
+    return NestedLaw(
+        LinearSpring,
+        lambda values: (values[1:2],),
+        lambda spring, seen, share: (
+            spring[0] * seen.deflection / share,
+            *spring,
+            *rest(seen, share),
+        ),
+    )

@@ -182,12 +182,13 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
         entries = restarted(problem, base.fitted, entries, scope, seed + 1, everywhere=True)
         base = replace(base, fitted=renominated(problem, base.fitted, entries, scope))
         base, entries = ranked(base, entries)
+    general, failures = None, list[str]()
     # What even so is not explained may be a law of more parameters, or two at one place.
     if few and least(base.fitted, entries).cost > far and scope.in_time():
-        places = most_telling(scored_by_all(problem, base.fitted, scope)) or places
+        by_all = partial(scored_by_all, problem, base.fitted, scope)
+        places = most_telling(attempted("screening by all kinds", by_all, [], failures)) or places
     likely, near = by_evidence(places, scope.places), left_likely(places, scope.places)
     entries = further_laws(problem, base.fitted, shorts, entries, likely, len(near), scope)
-    general, failures = None, list[str]()
     if least(base.fitted, entries).cost > far and near and scope.in_time():
         law = partial(general_law, problem, base.fitted, entries, near, scope)
         general = attempted("looking for a law that has no name", law, None, failures)
