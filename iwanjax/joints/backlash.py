@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from iwanjax.joints.abstract import Law, ParameterInfo, named
 from iwanjax.joints.force_law import EffectName, NestedLaw, PlaceMotion, Scales
 from iwanjax.joints.jenkins import dry_friction_within
+from iwanjax.joints.springs import Gap
 from iwanjax.joints.stepped import AbstractStepped
 from iwanjax.types import ArrayLike, real
 
@@ -67,8 +68,15 @@ class Backlash(AbstractStepped):
 
     @classmethod
     def nested_whole(cls, **held: Any) -> tuple[NestedLaw, ...]:
-        """Without clearance it is dry friction."""
-        return (dry_friction_within(lambda seen, share: (share * seen.deflection,)),)
+        """Without clearance it is dry friction; that never slips, a gap."""
+        return (
+            dry_friction_within(lambda seen, share: (share * seen.deflection,)),
+            NestedLaw(
+                Gap,
+                lambda values: (values[1:],),
+                lambda contact, seen, share: (contact[0] * seen.deflection / share, *contact),
+            ),
+        )
 
     @property
     def limit_stiffness(self) -> Array:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from iwanjax.effects.kinds import force_laws
-from iwanjax.joints import Jenkins, Scales
+from iwanjax.joints import Backlash, Gap, Jenkins, Scales
 
 SEEN = Scales(deflection=2e-3, period=0.02)
 DEFLECTIONS = np.array([1e-4, 3e-4, 6e-4, 1.1e-3, 2e-3])
@@ -37,3 +37,11 @@ def test_a_law_has_the_simpler_one_s_force_and_loss(law, nested):
 @pytest.mark.parametrize("name", ["bouc_wen", "backlash"])
 def test_dry_friction_is_within(name):
     assert Jenkins in {nested.law for nested in force_laws()[name].nested_whole()}
+
+
+def test_a_dead_band_that_never_slips_is_a_gap():
+    (nested,) = (each for each in Backlash.nested_whole() if each.law is Gap)
+    assert nested.narrowed((52.0, *VALUES)) == (VALUES,)
+    F_S, *contact = nested.widened(VALUES, SEEN, 1.0)
+    assert tuple(contact) == VALUES
+    assert np.all(Backlash(F_S, *VALUES).dissipation(DEFLECTIONS) == 0.0)
