@@ -32,6 +32,10 @@ class Nested(NamedTuple):
         """Whether a kind is the simpler one."""
         return kind.name == self.name and getattr(kind, "within", False) == self.within
 
+    def same_as(self, other: "Nested") -> bool:
+        """Whether another kind becomes the same simpler one."""
+        return (self.name, self.within) == (other.name, other.within)
+
 
 def softened(slips: Callable[[Scales], float]) -> Nested:
     """A law that gives way at once, with its stiffness in K already: so much less stiffness.

@@ -244,18 +244,28 @@ def with_joint(
     return _with_element(problem, kind, place, more, begun, beside)
 
 
+class LawStart(NamedTuple):
+    """Where to begin with an element of any law: the element, and the other joints' z."""
+
+    law: AbstractJoint
+    z: np.ndarray
+
+
 def with_law(
     problem: HistoryProblem,
     kind: JointKind,
     place: Place,
-    guesses: Sequence[AbstractJoint],
-    beside: Sequence[np.ndarray],
+    guesses: Sequence[LawStart],
 ) -> tuple[HistoryProblem, list[Start]]:
-    """An element of any law more at a place, each beside every z of the joints, and its search."""
-    # About the strongest, for what may be of either sign is loose by its own size.
-    more = unknown(guesses[-1])
-    values = [{i.name: float(getattr(each, i.name)) for i in each.parameters} for each in guesses]
-    begun = [np.concatenate([z, located(more, each)]) for z in beside for each in values]
+    """An element of any law more at a place, and the search it takes.
+
+    What may be of either sign is loose by the size that it has in the last of the guesses.
+    """
+    more = unknown(guesses[-1].law)
+    begun = []
+    for law, z in guesses:
+        values = {info.name: float(getattr(law, info.name)) for info in law.parameters}
+        begun.append(np.concatenate([z, located(more, values)]))
     return _with_element(problem, kind, place, more, begun)
 
 

@@ -157,6 +157,8 @@ LAWS: Mapping[str, Callable[..., Law]] = {
     "attached_mass": _attached_mass,
 }
 """By kind: of the step and the values, one number per recording each."""
+SUM_OF: Mapping[str, tuple[str, ...]] = {"rubbing_freeplay": ("coulomb_friction", "gap_contact")}
+"""Named kinds whose forces add up to a law's: all of them together are no wrong name for it."""
 
 
 def foreign(effect: Effect, recordings: int, dt: float) -> Law | None:

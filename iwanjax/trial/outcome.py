@@ -9,6 +9,7 @@ from scipy.special import betaincinv
 
 from iwanjax.results import AbstractResult
 from iwanjax.tables import Block, Grid, without_empty_columns
+from iwanjax.trial.foreign_laws import SUM_OF
 
 UNNAMED_LAW, NOTHING, NO_NAME = "unnamed_law", "nothing", "no name fits"
 LEFT_OUT, NAMED, EMPTY = "left_out", "named", "empty"
@@ -37,7 +38,8 @@ class TrialOutcome(NamedTuple):
     first, nothing, something_else : float
         Probabilities of what comes first, that nothing is missing, that no name is right.
     wrong_name : float
-        Probability of the likeliest name that is not that of what was concealed, at its place.
+        Probability of the likeliest name that is not that of what was concealed, at its place, nor
+        one of several that together are it.
     ratio : float
         Held-out error over the noise's; NaN without.
     seconds : float
@@ -325,11 +327,12 @@ def judged(name: str, truth: Mapping[str, Any], found: Mapping[str, Any]) -> Tri
     if said is None:
         return about
     what = said["what"]
+    right = _right_names(about, what)
     names = [
         each["probability"]
         for each in what
         if each["kind"] != UNNAMED_LAW
-        and (each["kind"], each["where"]) != (about.kind, about.where)
+        and not (each["where"] == about.where and each["kind"] in right)
     ]
     after, floor = (said["fit"][key]["hold_out"] for key in ("after", "noise_floor"))
     return about._replace(
@@ -342,3 +345,14 @@ def judged(name: str, truth: Mapping[str, Any], found: Mapping[str, Any]) -> Tri
         wrong_name=max(names, default=0.0),
         ratio=float("nan") if not floor or after is None else after / floor,
     )
+
+
+def _right_names(about: TrialOutcome, what: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Names that are right at the place: the law's own, or together those that it is a sum of."""
+    parts = SUM_OF.get(about.kind, ())
+    said = [
+        each["kind"]
+        for each in what
+        if each["where"] == about.where and each["probability"] > MOST_OF_A_NAME
+    ]
+    return about.kind, *(parts if all(part in said for part in parts) else ())

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 import yaml
@@ -12,11 +13,13 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.errors import InputError
+from iwanjax.joints import Gap, Jenkins
 from iwanjax.studies import trials as of_studies
 from iwanjax.trial import TrialPlan, TrialResult, campaign
 from iwanjax.trial.acquisition import decimate
 from iwanjax.trial.effects import Effect
 from iwanjax.trial.files import truth_of, write_study
+from iwanjax.trial.foreign_laws import LAWS, SUM_OF
 from iwanjax.trial.outcome import TrialOutcome, judged
 from iwanjax.trial.plan import FORCES, SIMULATED, UNNAMED, concealed
 from iwanjax.trial.simulation import fine_forces, path_at, simulated
@@ -289,6 +292,50 @@ def test_a_verdict_of_two_effects_is_judged_by_its_first():
     assert found.right
     assert found.wrong_name == 0.9
     assert np.isnan(found.ratio)
+
+
+def judged_as(kind, *names):
+    """Of a law left out at a and names there, each with its probability."""
+    what = [{"kind": name, "where": "a", "probability": p} for name, p in names]
+    truth = {"sort": "left_out", "kind": kind, "where": "a", "strength": "medium"}
+    said = {
+        "verdict": "something_missing",
+        "probability_nothing_missing": 0.0,
+        "probability_something_else": 0.0,
+        "what": what,
+        "fit": {"after": {"hold_out": 1.0}, "noise_floor": {"hold_out": 1.0}},
+    }
+    return judged("t", truth, {"diagnosis": said, "seconds": 1.0})
+
+
+def test_all_that_a_law_is_a_sum_of_is_no_wrong_name_and_a_part_alone_is():
+    friction, gap = ("coulomb_friction", 0.9), ("gap_contact", 0.9)
+    assert judged_as("rubbing_freeplay", friction, gap).right
+    assert judged_as("rubbing_freeplay", friction).wrong_name == 0.9
+    assert judged_as("rubbing_freeplay", friction, ("gap_contact", 0.2)).wrong_name == 0.9
+    assert judged_as("pinched", friction, gap).wrong_name == 0.9
+
+
+def test_freeplay_in_which_something_rubs_is_the_sum_of_what_is_said_of_it():
+    assert SUM_OF == {"rubbing_freeplay": ("coulomb_friction", "gap_contact")}
+    k, gap, F, dt = 2e4, 3e-4, 2.0, 1e-3
+    d = 1e-3 * np.sin(np.linspace(0.0, 20.0, 2001))
+    v = np.gradient(d, dt)
+    law = LAWS["rubbing_freeplay"](dt, *np.array([[k], [gap], [F]]))
+    force = [law(*pair)[0] for pair in np.stack([d, v], axis=1)[..., None]]
+    parts = [Jenkins(F_S=F, K_T=k), Gap(k=k, gap=gap)]
+    np.testing.assert_allclose(force, sum(along(part, d, v, dt) for part in parts), atol=1e-9)
+
+
+def along(joint, d, v, dt):
+    """Force of an element, from rest on."""
+    element = joint.discrete()
+
+    def advance(state, end):
+        found = element.step(*end, dt, state)
+        return found.state, found.force
+
+    return np.asarray(jax.lax.scan(advance, element.init(), (d, v))[1])
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from iwanjax.discrepancy.histories.joint_faults import (
     limited,
     stuck,
 )
+from iwanjax.discrepancy.histories.nested import begun_from
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -190,7 +191,11 @@ def further_laws(
         # own, such as an oscillator's.
         for place in places[: 2 * most] if scope.in_time() else ():
             guesses = kind.law.begun(place.scales, **dict(kind.held))
-            made.append(_sifted(*hypotheses.with_law(problem, kind, place, guesses, beside)))
+            starts = [
+                *begun_from(kind, place, entries[:most], problem),
+                *(hypotheses.LawStart(law, z) for z in beside for law in guesses),
+            ]
+            made.append(_sifted(*hypotheses.with_law(problem, kind, place, starts)))
         tried = most if issubclass(kind.law, AbstractMotionOnly) else rounds
         of_kinds.append(sorted(made, key=lambda each: each.left)[:tried])
     # Shorter, or none, where the time is over.

@@ -1,5 +1,6 @@
 """Simpler kinds in place of those that have them for limits, and these in place of the simpler."""
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -27,12 +28,15 @@ from iwanjax.identification.likelihood import unknowns
 from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.identification.parameter_map import ParameterMap
+from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.joints import AbstractJoint
 from iwanjax.joints.force_law import Scales, Values
 
 # What a sensor has seen, for no limit of a sensor's depends on it.
 _NO_PLACE = Scales(1.0, 1.0)
+# Share of the way from a law to what it becomes at which it is begun, besides those near its end.
+_HALF_WAY = 0.5
 # Of slots alone, without joints before them.
 _SLOTS = ParameterMap(0)
 
@@ -142,6 +146,45 @@ def _joint(entry: RankedFit) -> AbstractJoint:
     own = entry.problem
     z = entry.fitted.start.common[: own.parameters]
     return joints_of(own.joints, jax.device_put(z))[-1]
+
+
+def begun_from(
+    kind: JointKind, place: Place, known: Sequence[RankedFit], problem: HistoryProblem
+) -> Iterator[hypotheses.LawStart]:
+    """A law that does what known suspects at a place do, or what both become, beside their joints.
+
+    By what a place has seen without it alone a strong law may not be found.
+
+    Parameters
+    ----------
+    kind : JointKind
+        Of the law, all of whose parameters are fitted.
+    place : Place
+        Where.
+    known : sequence of RankedFit
+        With suspects at any places.
+    problem : HistoryProblem
+        Of the model without any suspect.
+    """
+    if kind.law is None:
+        return
+    shares = (_HALF_WAY, *problem.settings.selection.nested_shares)
+    for entry in known:
+        hypothesis, z = entry.fitted.hypothesis, entry.fitted.start.common[: problem.parameters]
+        if not all(each.more for each in hypothesis.kinds if isinstance(each, JointKind)):
+            continue  # its joints are of other kinds
+        slots = zip(hypothesis.kinds, hypothesis.where, strict=True)
+        for slot, (other, where) in enumerate(slots):
+            for nested in kind.limits if where == place.label else ():
+                own = _values(entry, slot)
+                shared = filter(nested.same_as, getattr(other, "limits", ()))
+                both = [values for each in shared for values in each.narrowed(own)]
+                same = [own] if nested.means(other) else both
+                for values, share in itertools.product(same, shares):
+                    wide = nested.widened(values, place.scales, share)
+                    infos = zip(kind.law.parameters, wide, strict=True)
+                    if all(info.contains(np.asarray(value)) for info, value in infos):
+                        yield hypotheses.LawStart(kind.law(*wide), z)
 
 
 def none_worse(base: RankedFit, entries: Sequence[RankedFit], scope: Scope) -> list[RankedFit]:
@@ -310,7 +353,8 @@ def _start(
                 if values and not _allowed(joint, values):
                     return None
                 guess = type(joint)(*values) if values else hypotheses.weakened(joint, share)
-                own, made = hypotheses.with_law(base, kind, places[where], [guess], [common])
+                alone = hypotheses.LawStart(guess, common)
+                own, made = hypotheses.with_law(base, kind, places[where], [alone])
             else:
                 F_S, K_T, _, beta = values or _values(entry, slot)
                 if K_T <= 0.0:

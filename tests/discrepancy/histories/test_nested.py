@@ -11,7 +11,7 @@ from struck_mass import JOINT, searching, struck
 from two_masses import diagnosed
 
 from iwanjax.discrepancy.histories import selection
-from iwanjax.discrepancy.histories.nested import holding, none_worse, widened
+from iwanjax.discrepancy.histories.nested import begun_from, holding, none_worse, widened
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
 from iwanjax.effects.catalogue import CATALOGUE, kinds_in_time, kinds_of
 from iwanjax.effects.faults import (
@@ -24,6 +24,7 @@ from iwanjax.effects.kinds import ForceKind, JointKind, Kind
 from iwanjax.effects.nested import Nested
 from iwanjax.identification.hypotheses import (
     JointStart,
+    LawStart,
     channel,
     force,
     joined,
@@ -135,7 +136,7 @@ def begun(searched, *names: str, stiffness: float = 5e3) -> RankedFit:
             own, starts = with_stiction(problem, kind, 0, "J1", (0.6,), Z, beside)
         elif isinstance(kind, JointKind) and kind.law:
             joint = AttachedOscillator(0.1, 5e3, 1.0)
-            own, starts = with_law(problem, kind, place, [joint], [Z])
+            own, starts = with_law(problem, kind, place, [LawStart(joint, Z)])
         elif isinstance(kind, JointKind):
             own, starts = with_joint(problem, kind, place, [JointStart(5e3, 3e-4, Z)], beside)
     if not names:
@@ -191,6 +192,20 @@ def test_a_law_is_begun_where_it_predicts_what_one_that_it_contains_does(searche
     own, start = starts[-1]
     (fitted,) = multistart(own, [start], math.inf, 0)
     assert fitted.cost == pytest.approx(small.fitted.cost, rel=0.1)
+
+
+@pytest.mark.parametrize("known", ["coulomb_friction", "iwan_joint"])
+def test_a_law_begins_as_what_a_place_is_known_to_do_or_as_what_both_become(searched, known):
+    problem, scope = searched
+    (place,), entry = scope.places, begun(searched, known)
+    starts = list(begun_from(WHOLE["bouc_wen"], place, [entry], problem))
+    law, z = starts[0]
+    assert float(law.K_T) == pytest.approx(5e3)
+    assert 0.5 < float(law.F_S) / (5e3 * 3e-4) < 1.0 + 1e-9
+    assert float(law.n) == pytest.approx(2.0)
+    np.testing.assert_allclose(z, Z)
+    assert not list(begun_from(WHOLE["bouc_wen"], replace(place, label="b"), [entry], problem))
+    assert not list(begun_from(WHOLE["attached_oscillator"], place, [entry], problem))
 
 
 @pytest.mark.parametrize(
