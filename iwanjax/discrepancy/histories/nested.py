@@ -168,6 +168,7 @@ def begun_from(
     """
     if kind.law is None:
         return
+    like = kind.law.begun(place.scales, **dict(kind.held))[-1]
     shares = (_HALF_WAY, *problem.settings.selection.nested_shares)
     for entry in known:
         hypothesis, z = entry.fitted.hypothesis, entry.fitted.start.common[: problem.parameters]
@@ -177,14 +178,14 @@ def begun_from(
         for slot, (other, where) in enumerate(slots):
             for nested in kind.limits if where == place.label else ():
                 own = _values(entry, slot)
-                shared = filter(nested.same_as, getattr(other, "limits", ()))
+                limits: tuple[Nested, ...] = getattr(other, "limits", ())
+                shared = [each for each in limits if each.same_as(nested)]
                 both = [values for each in shared for values in each.narrowed(own)]
                 same = [own] if nested.means(other) else both
                 for values, share in itertools.product(same, shares):
                     wide = nested.widened(values, place.scales, share)
-                    infos = zip(kind.law.parameters, wide, strict=True)
-                    if all(info.contains(np.asarray(value)) for info, value in infos):
-                        yield hypotheses.LawStart(kind.law(*wide), z)
+                    if _allowed(like, wide):
+                        yield hypotheses.LawStart(type(like)(*wide), z)
 
 
 def none_worse(base: RankedFit, entries: Sequence[RankedFit], scope: Scope) -> list[RankedFit]:
