@@ -45,6 +45,8 @@ class TrialOutcome(NamedTuple):
     seconds : float
     message : str
         Of an error.
+    by_its_parts : bool
+        Whether all that the law's force is a sum of is named at its place.
     """
 
     name: str
@@ -62,6 +64,7 @@ class TrialOutcome(NamedTuple):
     ratio: float = float("nan")
     seconds: float = 0.0
     message: str = ""
+    by_its_parts: bool = False
 
     @property
     def alarm(self) -> bool:
@@ -79,8 +82,12 @@ class TrialOutcome(NamedTuple):
 
         So may those of a law that was left out: an end of another one's range tells it.
         """
-        found = self.verdict == "something_missing"
-        return found and self.place_right and self.said_kind == self.kind
+        return self.verdict == "something_missing" and self.first_right
+
+    @property
+    def first_right(self) -> bool:
+        """Whether the place is right, and the kind or all that it is a sum of."""
+        return self.place_right and (self.said_kind == self.kind or self.by_its_parts)
 
     @property
     def right(self) -> bool:
@@ -217,7 +224,7 @@ class TrialResult(AbstractResult):
             _forecast(
                 "kind and place that come first",
                 named,
-                lambda o: (o.first, o.place_right and o.said_kind == o.kind),
+                lambda o: (o.first, o.first_right),
             ),
             _forecast(
                 "none of the names",
@@ -327,7 +334,14 @@ def judged(name: str, truth: Mapping[str, Any], found: Mapping[str, Any]) -> Tri
     if said is None:
         return about
     what = said["what"]
-    right = _right_names(about, what)
+    parts = SUM_OF.get(about.kind, ())
+    said_there = [
+        each["kind"]
+        for each in what
+        if each["where"] == about.where and each["probability"] > MOST_OF_A_NAME
+    ]
+    by_its_parts = bool(parts) and set(parts) <= set(said_there)
+    right = (about.kind, *(parts if by_its_parts else ()))
     names = [
         each["probability"]
         for each in what
@@ -344,15 +358,5 @@ def judged(name: str, truth: Mapping[str, Any], found: Mapping[str, Any]) -> Tri
         something_else=said["probability_something_else"],
         wrong_name=max(names, default=0.0),
         ratio=float("nan") if not floor or after is None else after / floor,
+        by_its_parts=by_its_parts,
     )
-
-
-def _right_names(about: TrialOutcome, what: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Names that are right at the place: the law's own, or together those that it is a sum of."""
-    parts = SUM_OF.get(about.kind, ())
-    said = [
-        each["kind"]
-        for each in what
-        if each["where"] == about.where and each["probability"] > MOST_OF_A_NAME
-    ]
-    return about.kind, *(parts if all(part in said for part in parts) else ())

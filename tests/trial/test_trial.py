@@ -310,7 +310,10 @@ def judged_as(kind, *names):
 
 def test_all_that_a_law_is_a_sum_of_is_no_wrong_name_and_a_part_alone_is():
     friction, gap = ("coulomb_friction", 0.9), ("gap_contact", 0.9)
-    assert judged_as("rubbing_freeplay", friction, gap).right
+    both = judged_as("rubbing_freeplay", friction, gap)
+    assert both.right
+    assert both.named
+    assert not judged_as("rubbing_freeplay", friction).named
     assert judged_as("rubbing_freeplay", friction).wrong_name == 0.9
     assert judged_as("rubbing_freeplay", friction, ("gap_contact", 0.2)).wrong_name == 0.9
     assert judged_as("pinched", friction, gap).wrong_name == 0.9
