@@ -145,6 +145,16 @@ class _Effect(NamedTuple):
     def label(self) -> str:
         return f"{self.kind.name}@{self.where}"
 
+    @property
+    def variant(self) -> str:
+        """Which form of the kind: a slider whose stiffness K holds already is told by its slip."""
+        return getattr(self.kind, "variant", "")
+
+    @property
+    def told(self) -> str:
+        """kind@where, and which form of it."""
+        return f"{self.label}, {self.variant}" if self.variant else self.label
+
     def holds(self, other: "_Effect") -> bool:
         """Whether the other one is what this becomes at an end of its range."""
         names = {limit.name for limit in self.kind.limits}
@@ -282,12 +292,13 @@ def _units(
 
 
 def _shown_best(effects: Sequence[_Effect], sizes: _Sizes) -> list[int]:
-    """For each kind and place the shape that needs the smallest force to be found."""
-    found: dict[str, int] = {}
+    """For each form of a kind and place the shape that needs the smallest force to be found."""
+    found: dict[tuple[str, str], int] = {}
     for i, effect in enumerate(effects):
+        key = effect.label, effect.variant
         force = np.nan_to_num(effect.force, nan=1.0) * sizes.found
-        if effect.label not in found or force[i] < force[found[effect.label]]:
-            found[effect.label] = i
+        if key not in found or force[i] < force[found[key]]:
+            found[key] = i
     return list(found.values())
 
 
@@ -296,7 +307,7 @@ def _smallest(effects: Sequence[_Effect], sizes: _Sizes, i: int) -> SmallestSize
     found, named = float(sizes.found[i]), float(sizes.named[i])
     if isinstance(effect.kind, AbstractFault):
         found, named = (x if x <= effect.kind.most else math.inf for x in (found, named))
-    rival = effects[sizes.rival[i]].label if sizes.apart[i].any() else ""
+    rival = effects[sizes.rival[i]].told if sizes.apart[i].any() else ""
     return SmallestSize(
         effect.kind.name,
         effect.where,
@@ -309,6 +320,7 @@ def _smallest(effects: Sequence[_Effect], sizes: _Sizes, i: int) -> SmallestSize
         effect.shape,
         effect.force * found,
         rival,
+        effect.variant,
     )
 
 
@@ -332,7 +344,7 @@ def _alike(
         one, other = effects[i], effects[j]
         sizes = one.value * found, one.value * apart
         helped = (options[at][0], factor) if helps else ("", 1.0)
-        pair = AlikePair(one.label, other.label, *sizes, *helped)
+        pair = AlikePair(one.told, other.told, *sizes, *helped)
         both = frozenset((pair.first, pair.second))
         if both not in pairs or apart / found > pairs[both][0]:
             pairs[both] = apart / found, pair

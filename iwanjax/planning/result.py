@@ -29,7 +29,9 @@ class SmallestSize(NamedTuple):
         Root-mean-square of its force at the size found, in the recording where that is largest;
         NaN for faults of channels.
     rival : str
-        kind@where that is hardest to tell from it.
+        kind@where that is hardest to tell from it, and which form of it.
+    variant : str
+        Which of several forms of the kind, in words; empty for the plain one.
     """
 
     kind: str
@@ -43,6 +45,7 @@ class SmallestSize(NamedTuple):
     shape: float
     force: float
     rival: str
+    variant: str
 
     @property
     def label(self) -> str:
@@ -56,7 +59,7 @@ class AlikePair(NamedTuple):
     Attributes
     ----------
     first, second : str
-        kind@where: what acts, and what it would be taken for.
+        kind@where, and which form of it: what acts, and what it would be taken for.
     found, apart : float
         Sizes of the first from which it is found, and from which it is told from the second.
     decides : str
@@ -102,7 +105,7 @@ class Detectability(AbstractResult):
     name : str
         Of the study.
     smallest : tuple of SmallestSize
-        Of each kind at each place, by places.
+        Of each form of each kind at each place, by places.
     alike : tuple of AlikePair
         The hardest first.
     added : tuple of AddedMeasurement
@@ -123,11 +126,12 @@ class Detectability(AbstractResult):
     power: float
     warnings: tuple[str, ...]
 
-    def of(self, kind: str, where: str) -> SmallestSize:
-        """The smallest size of a kind at a place."""
-        found = [each for each in self.smallest if (each.kind, each.where) == (kind, where)]
+    def of(self, kind: str, where: str, variant: str = "") -> SmallestSize:
+        """The smallest size of a form of a kind at a place."""
+        sought = kind, where, variant
+        found = [e for e in self.smallest if (e.kind, e.where, e.variant) == sought]
         if not found:
-            raise KeyError(f"{kind}@{where}")
+            raise KeyError(f"{kind}@{where} {variant}".rstrip())
         return found[0]
 
     def _blocks(self) -> tuple[Block, ...]:
@@ -151,7 +155,7 @@ class Detectability(AbstractResult):
             )
             force = "" if math.isnan(each.force) else f"{each.force:.2g}"
             yield (
-                each.label,
+                f"{each.label}, {each.variant}" if each.variant else each.label,
                 f"{_sized(each.found, each)}{at}",
                 f"{_sized(each.named, each)} ({each.rival})" if each.rival else "",
                 force,

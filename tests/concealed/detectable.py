@@ -46,7 +46,8 @@ def concealed(plan: dict, case: Case, only: list[str], repeats: int) -> dict[str
     cases = {}
     for found in plan["smallest"]:
         label = f"{found['kind']}@{found['where']}"
-        if label not in only:
+        # The generator has the plain form of each kind.
+        if label not in only or found["variant"]:
             continue
         for times in TIMES:
             effect = effect_of(found, times, case.structure.rate)

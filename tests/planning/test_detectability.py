@@ -1,6 +1,7 @@
 """What a plan of two hits on two masses would show, against runs of the equations themselves."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,9 +12,17 @@ import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.errors import InputError
 from iwanjax.estimation.evidence import LEAST_GAIN
+from iwanjax.joints.force_law import WITHIN_K
 from iwanjax.planning import Detectability
 
-KINDS = ("stiffness_error", "mass_error", "cubic_stiffness", "sensor_gain", "sensor_polarity")
+KINDS = (
+    "stiffness_error",
+    "mass_error",
+    "cubic_stiffness",
+    "coulomb_friction",
+    "sensor_gain",
+    "sensor_polarity",
+)
 HITS, NOISE = ((0, 40.0), (1, 160.0)), 0.15
 
 
@@ -57,21 +66,38 @@ def found(measured):
     return study_of(measured).detectability()
 
 
+def slider(size: float, slip: float, in_model: float = 0.0):
+    """Dry friction; the share ``in_model`` of its stiffness at rest is the model's."""
+    stretch = 0.0
+
+    def force(d: float, v: float, moved: float) -> float:
+        nonlocal stretch
+        stretch = min(max(stretch + moved, -slip), slip)
+        return size * (stretch - in_model * d)
+
+    return force
+
+
 @pytest.mark.parametrize(
-    ("kind", "law"),
+    ("kind", "variant", "law"),
     [
-        ("stiffness_error", lambda size: lambda d, v, moved: size * d),
-        ("cubic_stiffness", lambda size: lambda d, v, moved: size * d**3),
+        ("stiffness_error", "", lambda size, _: lambda d, v, moved: size * d),
+        ("cubic_stiffness", "", lambda size, _: lambda d, v, moved: size * d**3),
+        ("coulomb_friction", "", slider),
+        ("coulomb_friction", WITHIN_K.words, partial(slider, in_model=1.0)),
     ],
 )
 def test_the_size_found_changes_the_response_by_as_much_as_evidence_asks(
-    measured, found, kind, law
+    measured, found, kind, variant, law
 ):
     """By two runs in small steps, with the effect and without, and the noise that is in them."""
-    size = found.of(kind, "m1-m2").found
+    smallest = found.of(kind, "m1-m2", variant)
     square, values = 0.0, 0
     for (struck, peak), plain in zip(HITS, measured, strict=True):
-        quiet = [recorded(law(s), struck, peak, "fit", noisy=False).response for s in (size, 0.0)]
+        quiet = [
+            recorded(law(size, smallest.shape), struck, peak, "fit", noisy=False).response
+            for size in (smallest.found, 0.0)
+        ]
         change = np.fft.rfft(quiet[0] - quiet[1], axis=0)
         # What is compared ends at 0.35 of the sampling rate.
         change[int(0.35 * len(plain.response)) :] = 0.0
@@ -108,7 +134,9 @@ def test_sizes_are_those_of_the_sensors_that_there_are(measured, found):
     fewer = study_of(measured, rows=sensorless).detectability()
     assert not [each for each in fewer.added if each.kind == "sensor"]
     for each in fewer.smallest:
-        assert found.of(each.kind, each.where).found == pytest.approx(each.found, rel=1e-9)
+        assert found.of(each.kind, each.where, each.variant).found == pytest.approx(
+            each.found, rel=1e-9
+        )
 
 
 def test_it_is_told_saved_and_drawn(found, tmp_path):
