@@ -83,6 +83,11 @@ class ForceKind:
         return self.law.inertial
 
     @property
+    def linear(self) -> bool:
+        """Whether an error of the model's mass, damping or stiffness does the same."""
+        return self.law.inertial or self.law.viscous or self.law is LinearSpring
+
+    @property
     def limits(self) -> tuple[Nested, ...]:
         """Simpler kinds that it becomes at the ends of its shape's range.
 

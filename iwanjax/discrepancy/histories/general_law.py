@@ -99,7 +99,7 @@ def general_law(
         if tried and not scope.in_time():
             break
         scope.progress(f"a general law at {place.label}")
-        forces = [e for e in entries if e.problem is problem and _one_force_at(e.fitted, place)]
+        forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
         named = [as_general_law(e.fitted, problem, place) for e in forces[:1]]
         begun = problem, UnnamedKind(), place, [*joints, *named], short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
@@ -219,27 +219,31 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     return fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
 
 
-def _one_force_at(fitted: HypothesisFit, place: Place) -> bool:
-    """Whether a hypothesis is one named force at a place."""
-    kinds = fitted.hypothesis.kinds
-    return fitted.hypothesis.where == (place.label,) and isinstance(kinds[0], ForceKind)
+def _forces_at(fitted: HypothesisFit, place: Place) -> bool:
+    """Whether a hypothesis is one named force at a place, or several."""
+    hypothesis = fitted.hypothesis
+    named = all(isinstance(kind, ForceKind) for kind in hypothesis.kinds)
+    return named and set(hypothesis.where) == {place.label}
 
 
 def as_general_law(fitted: HypothesisFit, problem: HistoryProblem, place: Place) -> np.ndarray:
-    """Joints of a fit with one force, and the strengths of the general law that is nearest to it.
+    """Joints of a fit with named forces, and the strengths of the general law nearest to them.
 
     Parameters
     ----------
     fitted : HypothesisFit
-        One named force at the place.
+        Of forces at the place.
     problem, place
         Of the fit.
     """
-    (kind,), theta = fitted.hypothesis.kinds, fitted.theta.mean(axis=0)
-    assert isinstance(kind, ForceKind)
-    law = SizedLaw(kind, *fitted.hypothesis.physical(theta, problem.map, 0))
+    hypothesis, theta = fitted.hypothesis, fitted.theta.mean(axis=0)
     motion = _first(_motion(problem, fitted, place), problem)
-    strengths = nearest_strengths(place, motion, law.force(motion), BANKS)
+    force = np.zeros(motion.d.shape)
+    for slot, kind in enumerate(hypothesis.kinds):
+        assert isinstance(kind, ForceKind)
+        law = SizedLaw(kind, *hypothesis.physical(theta, problem.map, slot))
+        force = force + law.force(motion)
+    strengths = nearest_strengths(place, motion, force, BANKS)
     return np.concatenate([theta[: problem.parameters], strengths[BANKS]])
 
 
@@ -290,7 +294,8 @@ def motion_of(fit: UnnamedFit) -> PlaceMotion:
 
 
 def _motion(problem: HistoryProblem, fitted: HypothesisFit, place: Place) -> PlaceMotion:
-    here = fitted.hypothesis.suspects._replace(row=jnp.asarray(place.row)[None])
+    suspects = fitted.hypothesis.suspects
+    here = suspects._replace(row=jnp.broadcast_to(place.row, suspects.row.shape))
     gain = problem.gains(
         [here], fitted.theta.mean(axis=0)[None], fitted.time_constant, slopes=False
     ).gain[0]

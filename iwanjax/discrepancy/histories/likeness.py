@@ -31,8 +31,24 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
     """
     size = {name: _size(force) for name, force in parts.items()}
     whole = np.sum(list(parts.values()), axis=0)
-    least = settings().judgement.neighbour * _size(whole)
-    acting = {name for name, each in size.items() if each > least}
+    share = settings().judgement.neighbour
+    acting = {name for name, each in size.items() if each > share * _size(whole)}
+    words = _words(law, motion, parts, acting)
+    if acting != {"spring"} or "linear" not in words:
+        return ", ".join(words)
+    # That has a name: what speaks against it is weaker.
+    others = {name: each for name, each in size.items() if name != "spring"}
+    most = max(others.values())
+    if most < _size(_bent(np.asarray(motion.d), parts["spring"])):
+        return "elastic, nearly linear, no memory"
+    weaker = {name for name, each in others.items() if each > share * most}
+    return f"elastic, linear, and weaker: {', '.join(_words(law, motion, parts, weaker))}"
+
+
+def _words(
+    law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarray], acting: set[str]
+) -> list[str]:
+    """What parts of a law are like."""
     elastic, reach, words = {"spring"}, float(np.max(np.abs(motion.d))), []
     if "duhem" in acting and not _loses(law, reach):
         elastic, acting = {"spring", "duhem"}, acting - {"duhem"} | {"spring"}
@@ -58,7 +74,12 @@ def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarr
         words.append("inertia that grows with the deflection" if _grows(law) else "inertia")
     if not acting & {"sliders", "relaxation", "yielding", "bristles", "duhem"}:
         words.append("no memory")
-    return ", ".join(words)
+    return words
+
+
+def _bent(d: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """What of a spring's force is in no proportion to the deflection."""
+    return force - d * (np.vdot(force, d) / max(np.vdot(d, d), 1e-300))
 
 
 def _size(force: np.ndarray) -> float:

@@ -8,17 +8,29 @@ squared residual. Many columns take something off anyhow, so that places are com
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
 from iwanjax.discrepancy.findings import PlaceEvidence
+from iwanjax.effects.catalogue import kinds_in_time
+from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.estimation.evidence import LEAST_GAIN, shares
+from iwanjax.identification.columns import columns, unit_effects
+from iwanjax.identification.free_values import free_values
+from iwanjax.identification.linearise import linearise
+from iwanjax.identification.multistart import HypothesisFit
+from iwanjax.identification.places import Place
+from iwanjax.identification.problem import HistoryProblem
 
 # Share of a column's square, and of the largest eigenvalue, that is lost in rounding where a
 # small difference of squares is left.
 _ROUNDING = math.sqrt(np.finfo(float).eps)
+# Singular values, over the largest, below which columns are combinations of one another.
+_DEPENDENT = 1e-8
 
 
 class Block(NamedTuple):
@@ -55,6 +67,13 @@ class Remaining(NamedTuple):
 
     basis: np.ndarray
     left: np.ndarray
+
+    @classmethod
+    def of(cls, problem: HistoryProblem, base: HypothesisFit, basis: np.ndarray) -> "Remaining":
+        """What a basis leaves of a fit's residual and of its priors'."""
+        z, states = base.theta.mean(axis=0)[: problem.parameters], base.theta[:, base.values :]
+        whole = np.concatenate([base.residual.ravel(), z, states.ravel()])
+        return cls(basis, whole - basis @ (basis.T @ whole))
 
     @property
     def square(self) -> float:
@@ -97,6 +116,31 @@ class Columns(NamedTuple):
         there = strength > _ROUNDING * len(root)
         strength, V = strength[there], V[:, there]
         return Block(strength, (V.T @ (self.toward[usable] / root)) ** 2 / strength)
+
+
+def free_columns(problem: HistoryProblem, base: HypothesisFit) -> tuple[np.ndarray, int]:
+    """Columns of all that a fit has free, its priors below; those all recordings share first."""
+    (seen,) = linearise(problem, [(base.hypothesis, base.theta)], base.time_constant)
+    shared = free_values(problem, base.hypothesis)
+    slopes = np.moveaxis(np.asarray(seen.slopes), 1, 0)
+    slopes = slopes.reshape(*slopes.shape[:2], -1)
+    own = [*shared, *range(base.values, len(slopes))]
+    return _explained(problem, slopes[own], len(shared)), len(shared)
+
+
+def _explained(problem: HistoryProblem, made: np.ndarray, shared: int) -> np.ndarray:
+    """Columns of what is fitted: shared values, then the state of each recording; and priors."""
+    f, R, size = made.shape
+    p, k = problem.parameters, f - shared
+    found = np.zeros((R * size, shared + R * k))
+    found[:, :shared] = made[:shared].reshape(shared, R * size).T
+    for r in range(R):
+        at = slice(shared + r * k, shared + (r + 1) * k)
+        found[r * size : (r + 1) * size, at] = made[shared:, r].T
+    prior = np.zeros((p + R * k, shared + R * k))
+    prior[:p, :p] = np.eye(p)
+    prior[p:, shared:] = np.eye(R * k)
+    return np.vstack([found, prior])
 
 
 def log_evidence(block: Block, unit: float, total: float) -> float:
@@ -204,3 +248,56 @@ def with_verdict(
         there = sum(probability for where, probability in named if each.where in where)
         found.append(each._replace(probability=min(1.0, float(unnamed) + there)))
     return tuple(sorted(found, key=lambda each: -each.probability))
+
+
+def more_there(
+    problem: HistoryProblem, base: HypothesisFit, place: Place, places: Sequence[Place]
+) -> float:
+    """Squares that laws of a place would take off what a fit leaves.
+
+    Beyond what is refitted anyhow, and what errors of the linear model's mass, damping and
+    stiffness, here or elsewhere, would do as well.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Predictor and data.
+    base : HypothesisFit
+        The model with what is suspected there.
+    place : Place
+        Where it is.
+    places : sequence of Place
+        Where the linear model may be wrong.
+    """
+    problem, base = _by_all_kinds(problem, base)
+    linear = [kind for kind in problem.predictor.kinds if kind.linear]
+    others = [kind for kind in problem.predictor.kinds if not kind.linear]
+
+    def made(kinds: Sequence[Kind], places: Sequence[Place]) -> np.ndarray:
+        units = unit_effects(problem, base, kinds, places)
+        return columns(problem, base, units).reshape(len(units), base.residual.size)
+
+    explained, _ = free_columns(problem, base)
+    errors = made(linear, places).T
+    errors = np.pad(errors, [(0, len(explained) - len(errors)), (0, 0)])
+    explained = np.hstack([explained, errors[:, np.all(np.isfinite(errors), axis=0)]])
+    size = np.linalg.norm(explained, axis=0)
+    # An error at one place may do what another one does: only directions that there are.
+    basis, strength, _ = np.linalg.svd(explained[:, size > 0.0] / size[size > 0.0], False)
+    basis = basis[:, strength > _DEPENDENT * strength[0]]
+    return Remaining.of(problem, base, basis).seen(made(others, [place])).block().reduction
+
+
+def _by_all_kinds(
+    problem: HistoryProblem, base: HypothesisFit
+) -> tuple[HistoryProblem, HypothesisFit]:
+    """The same where all kinds of forces may be asked about."""
+    known = problem.predictor.kinds
+    more = [k for k in kinds_in_time() if isinstance(k, ForceKind) and k not in known]
+    if not more:
+        return problem, base
+    suspects = base.hypothesis.suspects
+    force = np.pad(np.asarray(suspects.force), [(0, 0), (0, len(more))])
+    hypothesis = replace(base.hypothesis, suspects=suspects._replace(force=jax.device_put(force)))
+    own = problem.of_kinds((*known, *more, *problem.predictor.faults))
+    return own, replace(base, hypothesis=hypothesis)

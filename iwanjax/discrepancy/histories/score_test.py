@@ -12,6 +12,7 @@ from iwanjax.discrepancy.histories.place_test import (
     Block,
     Columns,
     Remaining,
+    free_columns,
     places_by_evidence,
 )
 from iwanjax.effects.catalogue import sensor_faults_of
@@ -28,9 +29,9 @@ from iwanjax.identification.columns import (
     sensor_faults,
     unit_effects,
 )
-from iwanjax.identification.free_values import drifting_values, free_values
+from iwanjax.identification.free_values import drifting_values
 from iwanjax.identification.likelihood import scale
-from iwanjax.identification.linearise import innovations, linearise, squares_at
+from iwanjax.identification.linearise import innovations, squares_at
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
@@ -96,20 +97,10 @@ def score_test(
         For each kind and place the best shape, the largest drop first; none where there was no
         time to judge them all.
     """
-    p = problem.parameters
-    z, states = base.theta.mean(axis=0)[:p], base.theta[:, base.values :]
+    z = base.theta.mean(axis=0)[: problem.parameters]
     others = [base.start] if base.hypothesis.kinds else []
-    (seen,) = linearise(problem, [(base.hypothesis, base.theta)], base.time_constant)
-    shared = free_values(problem, base.hypothesis)
-    slopes = np.moveaxis(np.asarray(seen.slopes), 1, 0)
-    slopes = slopes.reshape(*slopes.shape[:2], -1)
-    own = [*shared, *range(base.values, len(slopes))]
-    explained = _explained(problem, slopes[own], len(shared))
-    # A copy of all of them is in the columns.
-    del seen, slopes
-    basis, _ = np.linalg.qr(explained)
-    whole = np.concatenate([base.residual.ravel(), z, states.ravel()])
-    remaining = Remaining(basis, whole - basis @ (basis.T @ whole))
+    explained, shared = free_columns(problem, base)
+    remaining = Remaining.of(problem, base, np.linalg.qr(explained)[0])
     total = remaining.square
     best: dict[tuple[str, str, str], tuple[float, Callable[[], Start]]] = {}
     alone: dict[str, list[float]] = {}
@@ -137,7 +128,7 @@ def score_test(
         return []
     ready = _as_they_are(problem, base, others, kinds, sensors, inputs, z)
     if base.hypothesis.drifting is None:
-        known = explained[: base.residual.size, : len(shared)]
+        known = explained[: base.residual.size, :shared]
         ready += _drifts(problem, kinds, joints, known, remaining, blocks, z)
     for start, drop in ready:
         (kind,), (where,) = start.hypothesis.kinds, start.hypothesis.where
@@ -258,21 +249,6 @@ def _remembered(forces: Sequence[UnitEffect], best: np.ndarray) -> list[UnitEffe
         unit._replace(force=unit.force.copy() if i in kept else unit.force[:0].copy())
         for i, unit in enumerate(forces)
     ]
-
-
-def _explained(problem: HistoryProblem, made: np.ndarray, shared: int) -> np.ndarray:
-    """Columns of what is fitted: shared values, then the state of each recording; and priors."""
-    f, R, size = made.shape
-    p, k = problem.parameters, f - shared
-    columns = np.zeros((R * size, shared + R * k))
-    columns[:, :shared] = made[:shared].reshape(shared, R * size).T
-    for r in range(R):
-        at = slice(shared + r * k, shared + (r + 1) * k)
-        columns[r * size : (r + 1) * size, at] = made[shared:, r].T
-    prior = np.zeros((p + R * k, shared + R * k))
-    prior[:p, :p] = np.eye(p)
-    prior[p:, shared:] = np.eye(R * k)
-    return np.vstack([columns, prior])
 
 
 def _drifts(

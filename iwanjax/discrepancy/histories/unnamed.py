@@ -17,6 +17,7 @@ from iwanjax.discrepancy.histories.general_law import (
     motion_of,
 )
 from iwanjax.discrepancy.histories.likeness import described, nearest
+from iwanjax.discrepancy.histories.place_test import more_there
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit, Scope, least
 from iwanjax.discrepancy.histories.score_test import left_likely
 from iwanjax.discrepancy.histories.selection import ModelSelection
@@ -25,13 +26,19 @@ from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, w
 from iwanjax.effects.kinds import ForceKind, UnnamedKind
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 from iwanjax.identification.likelihood import covariance, left_by_noise
+from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit
 from iwanjax.joints.unnamed_terms import PARTS
 from iwanjax.settings.stages import settings
 
 
-def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> PlacedLaw:
+def unnamed_law(
+    table: ModelSelection,
+    problem: HistoryProblem,
+    scope: Scope,
+    there: Place | None = None,
+) -> PlacedLaw:
     """The general law where it explains most, fitted to the free run.
 
     Parameters
@@ -42,10 +49,14 @@ def unnamed_law(table: ModelSelection, problem: HistoryProblem, scope: Scope) ->
         Of the model without any of them.
     scope : Scope
         Places, and how long there is time.
+    there : Place, optional
+        The only place to try.
     """
-    likely = left_likely(table.places, scope.places)
-    fitted = table.nominal.fitted, table.entries
-    begun = table.general or general_law(problem, *fitted, likely, scope)
+    likely, begun = left_likely(table.places, scope.places), table.general
+    if there:
+        likely = [there]
+        begun = begun if begun and begun.fit.place.label == there.label else None
+    begun = begun or general_law(problem, table.nominal.fitted, table.entries, likely, scope)
     memories = (TIME_CONSTANT, problem.settings.selection.long_time_constant, math.inf)
     scope.progress(f"the general law at {begun.fit.place.label}, to the free run")
     fit = replace(begun.fit, problem=begun.fit.problem.with_steps_of(problem))
@@ -126,7 +137,9 @@ def beyond_names(
 ) -> Beyond | None:
     """A general law where the best name leaves more than noise, and what then remains of the names.
 
-    Held-out recordings refuse it as they refuse every name.
+    Also where it leaves little more, but what no error of a linear model does and other laws at
+    that place do (:func:`~iwanjax.discrepancy.histories.place_test.more_there`): a joint that
+    hardly slips looks like a spring. Held-out recordings refuse it as they refuse every name.
 
     Parameters
     ----------
@@ -143,14 +156,20 @@ def beyond_names(
         None where a name explains the recordings, be it but those fitted, of which alone a law can
         learn; or where the law explains less than the names do.
     """
-    verdict, best, allowed = ended.verdict, ended.best, ended.allowed
+    verdict, best, allowed, there = ended.verdict, ended.best, ended.allowed, None
+    if not verdict.detected or not scope.in_time():
+        return None
     named = misfit(best, best, allowed)
-    if not verdict.detected or named.largest <= AS_LIKELY_WRONG or not scope.in_time():
-        return None
     enough = problem.settings.selection.misfit * left_by_noise(problem)
-    if least(table.nominal.fitted, table.entries).cost < enough:
-        return None
-    placed = unnamed_law(table, problem, scope)
+    explained = least(table.nominal.fitted, table.entries).cost < enough
+    if named.largest <= AS_LIKELY_WRONG or explained:
+        there = _neighbour_at(table.best, scope) if verdict.found else None
+        if there is None:
+            return None
+        # What a linear model may be off by is no part of this: only by how much noise scatters.
+        allowed = math.sqrt(max(best[0].floor_95 ** 2 - best[0].floor ** 2, 0.0))
+        named = misfit(best, best, allowed)
+    placed = unnamed_law(table, problem, scope, there)
     failures: list[str] = []
     after = free(placed.entry, failures)
     if failures:
@@ -172,6 +191,19 @@ def beyond_names(
     force = characterised(placed, kinds)
     kept = sum(now.named) / max(sum(verdict.named), 1e-300)
     return Beyond(now, kept, probability, after, placed.entry, force)
+
+
+def _neighbour_at(best: RankedFit, scope: Scope) -> Place | None:
+    """The place of what is suspected, where other laws there would take off what it leaves."""
+    hypothesis, noise = best.fitted.hypothesis, left_by_noise(best.problem)
+    laws = all(isinstance(k, ForceKind) or getattr(k, "law", None) for k in hypothesis.kinds)
+    there = [place for place in scope.places if {place.label} == set(hypothesis.where)]
+    share = settings().judgement.more_there
+    if not laws or not there or best.fitted.cost < (1.0 + share) * noise:
+        return None
+    scope.progress(f"what {hypothesis.label} leaves at its place")
+    more = more_there(best.problem, best.fitted, there[0], scope.places)
+    return there[0] if more > share * noise else None
 
 
 def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce:

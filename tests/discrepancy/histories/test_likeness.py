@@ -93,6 +93,29 @@ def test_up_and_down_the_same_curve_is_called_a_spring(decays):
 
 
 @pytest.mark.parametrize(
+    ("part", "share", "words"),
+    [
+        ("sliders", 0.03, "elastic, linear, and weaker: rate-independent hysteresis"),
+        (
+            "damper",
+            0.03,
+            "elastic, linear, and weaker: damping that grows with the rate to the power 0.5, no memory",
+        ),
+        ("sliders", 0.0, "elastic, nearly linear, no memory"),
+    ],
+)
+def test_what_is_weak_beside_a_spring_is_told_for_a_spring_has_a_name(decays, part, share, words):
+    strengths = np.zeros(len(TERMS))
+    strengths[0] = 1.0
+    strengths[2] = 0.02
+    # The second of the dampers grows with a root of the rate.
+    strengths[PARTS[part].start + 1] = share
+    law = UnnamedLaw(strengths, 5e-4, 0.1, 0.025)
+    forces = {name: np.asarray(force_in(law.alone(name), decays)) for name in PARTS}
+    assert described(law, decays, forces) == words
+
+
+@pytest.mark.parametrize(
     ("which", "words"),
     [
         (0, "inertia, no memory"),

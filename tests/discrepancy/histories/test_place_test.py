@@ -1,6 +1,7 @@
 """Blocks of places against least squares by brute force, their evidence against a Gaussian's."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from iwanjax.discrepancy.histories.place_test import (
     Block,
     Remaining,
     log_evidence,
+    more_there,
     places_by_evidence,
     with_verdict,
 )
@@ -21,10 +23,12 @@ from iwanjax.discrepancy.histories.score_test import (
     score_test,
     where_something_acts,
 )
-from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.effects.catalogue import CATALOGUE, kinds_in_time
+from iwanjax.effects.kinds import Kind
 from iwanjax.identification.columns import columns, columns_at_rest, unit_effects
 from iwanjax.identification.linearise import linearise
 from iwanjax.identification.multistart import HypothesisFit, multistart
+from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
 
 HITS = ((60.0, 0), (25.0, 1))
@@ -92,6 +96,33 @@ def test_a_block_takes_what_least_squares_with_all_its_columns_take(pair, moving
         assert block.reduction == pytest.approx(taken, rel=1e-3, abs=1e-3)
         rank = np.linalg.matrix_rank(beside / np.linalg.norm(beside, axis=0), 1e-7)
         assert len(block.taken) <= rank - A.shape[1] + 1
+
+
+def test_what_other_laws_take_is_beyond_errors_of_the_linear_model_anywhere(pair):
+    """By least squares with all kinds' columns, of which the problem itself has but a few."""
+    made, places, base = pair
+    own = made.of_kinds(kinds_in_time())
+    (again,) = multistart(own, [Start(own.nothing(), base.theta)], math.inf, 0)
+    A, b = explained(own, again)
+
+    def beside(A: np.ndarray, kinds: list[Kind], places: Sequence[Place]) -> np.ndarray:
+        units = unit_effects(own, again, kinds, places)
+        h = columns(own, again, units).reshape(len(units), -1)
+        return np.hstack([A, np.vstack([h.T, np.zeros((len(A) - h.shape[1], len(h)))])])
+
+    kinds = own.predictor.kinds
+    assert {k.name for k in kinds if k.linear} == {
+        "stiffness_error",
+        "viscous_damping",
+        "mass_error",
+    }
+    linear = beside(A, [k for k in kinds if k.linear], places)
+    for place in places:
+        whole = beside(linear, [k for k in kinds if not k.linear], [place])
+        taken = least(linear, b) - least(whole, b)
+        assert more_there(made, base, place, places) == pytest.approx(taken, rel=1e-2, abs=1e-2)
+        # What is missing is a spring and a damper.
+        assert taken < 0.01 * base.cost
 
 
 def test_the_evidence_is_that_of_gaussian_coefficients():
