@@ -99,7 +99,8 @@ def test_up_and_down_the_same_curve_is_called_a_spring(decays):
         (
             "damper",
             0.03,
-            "elastic, linear, and weaker: damping that grows with the rate to the power 0.5, no memory",
+            "elastic, linear, and weaker: damping that grows with the rate to the power 0.5, "
+            "no memory",
         ),
         ("sliders", 0.0, "elastic, nearly linear, no memory"),
     ],

@@ -44,6 +44,33 @@ def test_the_place_comes_first_and_no_name_is_believed(found):
     assert found.before.hold_out > 100.0 * found.noise_floor.hold_out
 
 
+def microslip() -> Law:
+    """Sliders that give way one after the other; the hits reach the first few."""
+    slips = 0.02 * (np.arange(24) + 0.5) / 24
+    stretch = np.zeros(len(slips))
+
+    def force(d: float, v: float, moved: float) -> float:
+        np.clip(stretch + moved, -slips, slips, out=stretch)
+        return 500.0 * float(np.mean(stretch))
+
+    return force
+
+
+@pytest.mark.long
+def test_a_joint_that_hardly_slips_is_no_spring():
+    """Nor far from one: with the spring alone the squares are 1.4 times those of the noise."""
+    found = diagnosed(microslip, ("stiffness_error", "viscous_damping"))
+    first, spring, *_ = found.what
+    assert first.label == "unnamed_law@m1-m2"
+    assert (spring.label, spring.probability < 0.05) == ("stiffness_error@m1-m2", True)
+    assert found.unnamed.description == "elastic, linear, rate-independent hysteresis"
+    assert found.after.hold_out < 1.1 * found.noise_floor.hold_out
+    # One of which no slider ever gives way is a spring.
+    stuck = diagnosed(lambda: lambda d, v, moved: 500.0 * d, ("stiffness_error",))
+    assert stuck.what[0].label == "stiffness_error@m1-m2"
+    assert stuck.verdict.found
+
+
 K_PINCHED, SLIP = 4e4, 4e-5
 
 
