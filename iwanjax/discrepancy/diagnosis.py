@@ -296,8 +296,15 @@ class Diagnosis(AbstractResult):
         doubts = []
         for each in self.found:
             rivals = [b for a, b in self.indistinguishable if a == each.label]
-            if rivals:
-                doubts.append(f"These data cannot tell {each.label} from {', '.join(rivals)}")
+            behind = {other.label: -other.log_evidence for other in self.what}
+            wider = [b for b in rivals if behind.get(b, 0.0) > settings().judgement.alike]
+            if close := [b for b in rivals if b not in wider]:
+                doubts.append(f"These data cannot tell {each.label} from {', '.join(close)}")
+            if wider:
+                doubts.append(
+                    f"Nothing here speaks against {', '.join(wider)} either, with more parameters: "
+                    "the simpler one is named"
+                )
         others = [each for each in self.what if each not in self.found]
         if self.verdict.found and others and not doubts:
             next_best = noun(others[0].kind, others[0].where)

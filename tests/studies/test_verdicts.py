@@ -74,6 +74,27 @@ def test_an_undecided_verdict_names_the_place():
     assert "something is missing, and nothing that was tried" in vague.statement()
 
 
+@pytest.mark.parametrize(
+    ("behind", "words"),
+    [
+        (0.5, "These data cannot tell stiffness_error@m1 from iwan_joint@m1"),
+        (6.7, "Nothing here speaks against iwan_joint@m1 either, with more parameters"),
+    ],
+)
+def test_a_rival_that_holds_what_is_named_is_no_less_likely_than_it_says(behind, words):
+    """Evidence is for what has fewer parameters, whatever else does as well."""
+    verdict = judged(-50.0, [0.0, -behind], Misfit(9.0, 9.0), Misfit(1.0, 1.0))
+    what = [
+        Suspect(CATALOGUE[kind][0], "m1", p, -each, ())
+        for kind, p, each in zip(
+            ("stiffness_error", "iwan_joint"), verdict.named, (0.0, behind), strict=True
+        )
+    ]
+    pairs = (("stiffness_error@m1", "iwan_joint@m1"),)
+    said = replace(diagnosis("m1", verdict, 3.0), what=tuple(what), indistinguishable=pairs)
+    assert words in said.statement()
+
+
 def test_several_are_one_verdict_with_each_beside_it():
     parts = {"m1": diagnosis("m1", NOTHING, 3.0), "m2": diagnosis("m2", SOMETHING, 4.0)}
     said = as_json(parts)
