@@ -3,15 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from iwanjax.discrepancy.histories.likeness import SizedLaw, nearest_pairs
+from iwanjax.discrepancy.histories.likeness import SizedLaw, force_in, nearest_pairs
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -34,7 +32,7 @@ from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit, blank_at, fit_unnamed_law
-from iwanjax.joints import PlaceMotion, UnnamedLaw
+from iwanjax.joints import PlaceMotion
 from iwanjax.joints.duhem import FIRST_BRANCH, nearest_branch, scaled
 from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, PARTS, TERMS
 
@@ -92,16 +90,16 @@ def general_law(
     scope : Scope
         How long there is time.
     """
-    z = nominal.theta.mean(axis=0)[: problem.parameters]
-    joints, short = [z, problem.with_given_joints(z)], (SHORT_TIME_CONSTANT,)
+    z, short = nominal.theta.mean(axis=0)[: problem.parameters], (SHORT_TIME_CONSTANT,)
     tried: list[UnnamedFit] = []
     for place in places[: problem.settings.selection.finalists]:
         if tried and not scope.in_time():
             break
         scope.progress(f"a general law at {place.label}")
         forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
-        named = [as_general_law(e.fitted, problem, place) for e in forces[:1]]
-        begun = problem, UnnamedKind(), place, [*joints, *named], short
+        starts = [z, problem.with_given_joints(z)]
+        starts += [as_general_law(e.fitted, problem, place) for e in forces[:1]]
+        begun = problem, UnnamedKind(), place, starts, short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
     first, *others = sorted(tried, key=lambda each: each.fitted.cost)
     ended = [_best_way(first, problem, nominal, scope)]
@@ -193,11 +191,11 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     What a place has seen was told by a model without the law. Of terms beyond what it has really
     seen the recordings say nothing.
     """
-    motion = motion_of(found)
+    motion, reach = motion_of(found), float(found.law.deflection)
     largest, fastest = (float(jnp.max(jnp.abs(x))) for x in (motion.d, motion.v))
     if not (0.0 < largest < math.inf and 0.0 < fastest < math.inf and scope.in_time()):
         return found
-    if abs(math.log(largest / float(found.law.deflection))) < _TO_SCALE:
+    if abs(math.log(largest / reach)) < _TO_SCALE:
         return found
     period = 2.0 * math.pi * largest / fastest
     seen = found.place.scales._replace(deflection=largest, period=period)
@@ -211,12 +209,15 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     own = nearest_strengths(there, seen_by, force, terms)[joint.terms]
     if joint.duhem:
         own[joint.terms >= PARTS["duhem"].start] = float(law.strengths[PARTS["duhem"]][0])
-        branch = scaled(np.stack(law.branch), largest / float(law.deflection))
+        branch = scaled(np.stack(law.branch), largest / reach)
         own = np.concatenate([own, branch - FIRST_BRANCH])
     z = np.concatenate([z[: problem.parameters], own])
     begun = problem, UnnamedKind(), there, [z]
     short = (SHORT_TIME_CONSTANT,)
-    return fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
+    scaled_law = fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
+    # Strengths that are as near as they can be to another scale's may be where no search returns.
+    lost = scaled_law.fitted.cost > problem.settings.selection.give_up * found.fitted.cost
+    return found if lost else scaled_law
 
 
 def _forces_at(fitted: HypothesisFit, place: Place) -> bool:
@@ -311,27 +312,6 @@ def _first(motion: PlaceMotion, problem: HistoryProblem) -> PlaceMotion:
     most = problem.settings.illustration.longest
     d, v, a, moved = (x[:, :most] for x in motion[:4])
     return PlaceMotion(d, v, a, moved, motion.dt)
-
-
-@eqx.filter_jit
-def force_in(law: UnnamedLaw, motion: PlaceMotion) -> Array:
-    """The law's force along a place's motion, from rest on: (recordings, N).
-
-    That of its masses by the accelerations: where an observer corrects deflections and rates, those
-    are no differences of them.
-    """
-    element = law.discrete()
-    inertia = element.masses.force(motion.d, motion.v, motion.a)
-    element = eqx.tree_at(lambda e: e.masses.m, element, jnp.zeros_like(element.masses.m))
-
-    def one(d: Array, v: Array) -> Array:
-        def advance(state: Any, end: tuple[Array, Array]) -> tuple[Any, Array]:
-            found = element.step(*end, motion.dt, state)
-            return found.state, found.force
-
-        return jax.lax.scan(advance, element.init(), (d, v))[1]
-
-    return inertia + jax.vmap(one)(motion.d, motion.v)
 
 
 def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> list[RankedFit]:
