@@ -197,7 +197,7 @@ def loosened(found: UnnamedFit) -> UnnamedFit:
     factor = np.ones(len(TERMS))
     for part in PARTS.values():
         size = math.sqrt(float(np.sum(z[part] ** 2)) / max(float(np.sum(determined[part])), 1e-12))
-        # Of a fit that broke down nothing is known: its priors stay as they are.
+        # Of a part of which nothing is known, as in a fit that broke down, it stays as it is.
         factor[part] = min(max(size, 1.0 / _MOST), _MOST) if math.isfinite(size) else 1.0
     wider = FreeLaw(joint.given, jax.device_put(np.array(joint.loose) * factor), joint.duhem)
     rescaled = replace(problem, joints=(*problem.joints[:-1], wider))

@@ -60,10 +60,9 @@ def test_a_missing_spring_and_damper_are_the_law_that_is_fitted(pair):
     other = loosened(found)
     np.testing.assert_allclose(other.law.strengths, law.strengths, rtol=1e-9, atol=1e-12)
     assert np.any(np.asarray(other.problem.joints[-1].loose) != found.problem.joints[-1].loose)
-    # Of one that broke down nothing is known, least of all how wide its priors should be.
+    # Of one that broke down nothing is known, and a prior without a width would break the next.
     squares = found.fitted.squares
     lost = squares._replace(normal=np.full_like(squares.normal, np.nan))
     solution = replace(found.fitted.solution, groups=lost)
     broken = loosened(replace(found, fitted=replace(found.fitted, solution=solution)))
-    loose = broken.problem.joints[-1].loose
-    np.testing.assert_array_equal(loose, found.problem.joints[-1].loose)
+    assert np.all(np.isfinite(broken.problem.joints[-1].loose))
