@@ -294,9 +294,9 @@ class Diagnosis(AbstractResult):
 
     def _doubt(self) -> list[str]:
         doubts = []
+        behind = {each.label: -each.log_evidence for each in self.what}
         for each in self.found:
             rivals = [b for a, b in self.indistinguishable if a == each.label]
-            behind = {other.label: -other.log_evidence for other in self.what}
             wider = [b for b in rivals if behind.get(b, 0.0) > settings().judgement.alike]
             if close := [b for b in rivals if b not in wider]:
                 doubts.append(f"These data cannot tell {each.label} from {', '.join(close)}")

@@ -3,13 +3,15 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
-from iwanjax.discrepancy.histories.likeness import SizedLaw, force_in, nearest_pairs
+from iwanjax.discrepancy.histories.likeness import SizedLaw, nearest_pairs
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -32,7 +34,7 @@ from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit, blank_at, fit_unnamed_law
-from iwanjax.joints import PlaceMotion
+from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.duhem import FIRST_BRANCH, nearest_branch, scaled
 from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, PARTS, TERMS
 
@@ -214,10 +216,10 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     z = np.concatenate([z[: problem.parameters], own])
     begun = problem, UnnamedKind(), there, [z]
     short = (SHORT_TIME_CONSTANT,)
-    scaled_law = fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
+    moved = fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
     # Strengths that are as near as they can be to another scale's may be where no search returns.
-    lost = scaled_law.fitted.cost > problem.settings.selection.give_up * found.fitted.cost
-    return found if lost else scaled_law
+    kept = moved.fitted.cost < problem.settings.selection.give_up * found.fitted.cost
+    return moved if kept else found
 
 
 def _forces_at(fitted: HypothesisFit, place: Place) -> bool:
@@ -312,6 +314,27 @@ def _first(motion: PlaceMotion, problem: HistoryProblem) -> PlaceMotion:
     most = problem.settings.illustration.longest
     d, v, a, moved = (x[:, :most] for x in motion[:4])
     return PlaceMotion(d, v, a, moved, motion.dt)
+
+
+@eqx.filter_jit
+def force_in(law: UnnamedLaw, motion: PlaceMotion) -> Array:
+    """The law's force along a place's motion, from rest on: (recordings, N).
+
+    That of its masses by the accelerations: where an observer corrects deflections and rates, those
+    are no differences of them.
+    """
+    element = law.discrete()
+    inertia = element.masses.force(motion.d, motion.v, motion.a)
+    element = eqx.tree_at(lambda e: e.masses.m, element, jnp.zeros_like(element.masses.m))
+
+    def one(d: Array, v: Array) -> Array:
+        def advance(state: Any, end: tuple[Array, Array]) -> tuple[Any, Array]:
+            found = element.step(*end, motion.dt, state)
+            return found.state, found.force
+
+        return jax.lax.scan(advance, element.init(), (d, v))[1]
+
+    return inertia + jax.vmap(one)(motion.d, motion.v)
 
 
 def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> list[RankedFit]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,27 +15,6 @@ from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.force_law import Scales
 from iwanjax.joints.unnamed_terms import PARTS
 from iwanjax.settings.stages import settings
-
-
-@eqx.filter_jit
-def force_in(law: UnnamedLaw, motion: PlaceMotion) -> Array:
-    """The law's force along a place's motion, from rest on: (recordings, N).
-
-    That of its masses by the accelerations: where an observer corrects deflections and rates, those
-    are no differences of them.
-    """
-    element = law.discrete()
-    inertia = element.masses.force(motion.d, motion.v, motion.a)
-    element = eqx.tree_at(lambda e: e.masses.m, element, jnp.zeros_like(element.masses.m))
-
-    def one(d: Array, v: Array) -> Array:
-        def advance(state: Any, end: tuple[Array, Array]) -> tuple[Any, Array]:
-            found = element.step(*end, motion.dt, state)
-            return found.state, found.force
-
-        return jax.lax.scan(advance, element.init(), (d, v))[1]
-
-    return inertia + jax.vmap(one)(motion.d, motion.v)
 
 
 def described(law: UnnamedLaw, motion: PlaceMotion, parts: Mapping[str, np.ndarray]) -> str:

@@ -119,7 +119,20 @@ class Columns(NamedTuple):
 
 
 def free_columns(problem: HistoryProblem, base: HypothesisFit) -> tuple[np.ndarray, int]:
-    """Columns of all that a fit has free, its priors below; those all recordings share first."""
+    """Columns of all that a fit has free, its priors below; those all recordings share first.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Predictor and data.
+    base : HypothesisFit
+        The fit.
+
+    Returns
+    -------
+    (values + priors, free) array, int
+        In deviations, for a prior deviation of each; and how many are shared.
+    """
     (seen,) = linearise(problem, [(base.hypothesis, base.theta)], base.time_constant)
     shared = free_values(problem, base.hypothesis)
     slopes = np.moveaxis(np.asarray(seen.slopes), 1, 0)
@@ -253,10 +266,11 @@ def with_verdict(
 def more_there(
     problem: HistoryProblem, base: HypothesisFit, place: Place, places: Sequence[Place]
 ) -> float:
-    """Squares that laws of a place would take off what a fit leaves.
+    r"""Squares that laws of a place would take off what a fit leaves.
 
-    Beyond what is refitted anyhow, and what errors of the linear model's mass, damping and
-    stiffness, here or elsewhere, would do as well.
+    With the columns H of all laws there but mass, dashpot and spring, and the residual e, both less
+    what is refitted anyhow and what errors of the linear model's mass, damping and stiffness, here
+    or elsewhere and of any size, would do as well: :math:`e^T H (H^T H)^+ H^T e`, as of any block.
 
     Parameters
     ----------
@@ -268,6 +282,11 @@ def more_there(
         Where it is.
     places : sequence of Place
         Where the linear model may be wrong.
+
+    Returns
+    -------
+    float
+        In squared deviations of the noise.
     """
     problem, base = _by_all_kinds(problem, base)
     linear = [kind for kind in problem.predictor.kinds if kind.linear]

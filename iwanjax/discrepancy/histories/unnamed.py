@@ -12,10 +12,11 @@ import numpy as np
 from iwanjax.discrepancy.findings import Suspect, UnnamedForce
 from iwanjax.discrepancy.histories.general_law import (
     PlacedLaw,
+    force_in,
     general_law,
     motion_of,
 )
-from iwanjax.discrepancy.histories.likeness import described, force_in, nearest
+from iwanjax.discrepancy.histories.likeness import described, nearest
 from iwanjax.discrepancy.histories.place_test import more_there
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit, Scope, least
 from iwanjax.discrepancy.histories.score_test import left_likely

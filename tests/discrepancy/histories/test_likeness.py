@@ -4,14 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.histories.general_law import nearest_strengths
-from iwanjax.discrepancy.histories.likeness import (
-    SizedLaw,
-    described,
-    force_in,
-    nearest,
-    nearest_pairs,
-)
+from iwanjax.discrepancy.histories.general_law import force_in, nearest_strengths
+from iwanjax.discrepancy.histories.likeness import SizedLaw, described, nearest, nearest_pairs
 from iwanjax.effects.catalogue import kinds_of
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.places import Place
