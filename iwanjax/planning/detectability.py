@@ -196,8 +196,8 @@ class _Judge(NamedTuple):
     """What sizes are judged by.
 
     Names and unknowns of effects, whether another one is a limit of each, a unit of squared
-    residual, its correlation time, and what the free run has to leave, over a shorter memory, for
-    anything new to be looked for.
+    residual, its correlation time, and what the free run has to leave, over the noise, for anything
+    new to be looked for.
     """
 
     labels: np.ndarray
@@ -205,7 +205,7 @@ class _Judge(NamedTuple):
     simpler: np.ndarray
     unit: float
     tau: float
-    grown: float
+    left: float
 
     @classmethod
     def of(cls, problem: HistoryProblem, effects: Sequence[_Effect]) -> "_Judge":
@@ -217,8 +217,8 @@ class _Judge(NamedTuple):
         unknowns = np.array([1.0 + (e.shape_info is not None) for e in effects])
         simpler = np.array([[one.holds(other) for other in effects] for one in effects])
         labels = np.array([e.label for e in effects])
-        grown = problem.settings.slow_effects.grown
-        return cls(labels, unknowns, simpler, temperature * tau, tau, grown)
+        left = problem.settings.slow_effects.left
+        return cls(labels, unknowns, simpler, temperature * tau, tau, left)
 
     def among(self, which: Sequence[int]) -> "_Judge":
         """Of some of the effects."""
@@ -239,7 +239,7 @@ class _Judge(NamedTuple):
         apart = told_apart_from(free, *known, self.simpler)
         apart[self.labels[:, None] == self.labels] = 0.0
         # Where eight cycles show nothing, the free run has to leave so much more.
-        late = found_from(np.diag(free), *known, self.grown - 1.0)
+        late = found_from(np.diag(free), *known, self.left - 1.0)
         return _Sizes(np.minimum(found_from(np.diag(usual), *known), late), late, apart)
 
 

@@ -208,8 +208,8 @@ class SlowEffectSettings:
 
     Attributes
     ----------
-    grown : float
-        Times what a shorter memory left from which on something new is looked for.
+    left : float
+        Times what noise leaves from which on something new is looked for.
     new_share : float
         Share of what is new that a suspect has to take: a free run adds up the model's own errors,
         too.
@@ -219,7 +219,7 @@ class SlowEffectSettings:
         How many of them go on after a few steps.
     """
 
-    grown: float = 1.25
+    left: float = 1.25
     new_share: float = 0.5
     known: int = 2
     refitted: int = 4

@@ -241,7 +241,7 @@ def _sifted(problem: HistoryProblem, starts: Sequence[Start]) -> _Sifted:
 
 def appearing(
     problem: HistoryProblem,
-    before: HypothesisFit,
+    shortest: HypothesisFit,
     now: HypothesisFit,
     entries: Sequence[RankedFit],
     scope: Scope,
@@ -257,8 +257,9 @@ def appearing(
     ----------
     problem : HistoryProblem
         Predictor and data.
-    before, now : HypothesisFit
-        The model with its joints refitted, with a shorter and a longer memory.
+    shortest, now : HypothesisFit
+        The model with its joints refitted, with the memory at which nothing was found and a longer
+        one.
     entries : sequence of RankedFit
         Suspects for which a shorter memory showed too little evidence, the best first.
     scope : Scope
@@ -270,10 +271,12 @@ def appearing(
         Refitted with the longer memory, the best first; none where nothing new is left.
     """
     settings, selection = problem.settings.slow_effects, problem.settings.selection
-    usual = max(before.cost, left_by_noise(problem))
-    if now.cost < settings.grown * usual or not scope.in_time():
+    noise = left_by_noise(problem)
+    if now.cost < settings.left * noise or not scope.in_time():
         return []
     scope.progress("looking again with a longer memory")
+    # Of all longer memories: what builds up over them is no less for having built up in steps.
+    usual = max(shortest.cost, noise)
     least = selection.least_promise / evidence(problem, [now]).worth(now)
     starts = [c.start for c in scored(problem, now, scope)[: settings.refitted] if c.drop > least]
     known = [e.fitted.start for e in entries if e.problem is problem][: settings.known]

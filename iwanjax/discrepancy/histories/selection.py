@@ -312,15 +312,15 @@ def _polished(
 ) -> tuple[RankedFit, list[RankedFit]]:
     """The nominal model and the last few suspects, or what appears only then, in the free run."""
     scope.progress("polishing to the free run")
+    shortest = base.fitted
     for time_constant in memories:
         if not scope.in_time():
             break
-        before = base.fitted
         polished = again([base, *close], [], time_constant, scope)
         base = next(e for e in polished if not e.fitted.hypothesis.kinds)
         close = [e for e in polished if e.fitted.hypothesis.kinds]
         if not close:
-            late = distinct(appearing(base.problem, before, base.fitted, entries, scope))
+            late = distinct(appearing(base.problem, shortest, base.fitted, entries, scope))
             base, late = ranked(base, late)
             close = finalists(base, late) if late and missing(base, late[0]) else []
     base, close = ranked(base, none_worse(base, close, scope))

@@ -16,7 +16,7 @@ def looked(monkeypatch):
         return SimpleNamespace(index=i, hypothesis=SimpleNamespace(variant=i))
 
     def run(
-        before: float, now: float, drops: list[float], suspects: list[float], known: int = 0
+        shortest: float, now: float, drops: list[float], suspects: list[float], known: int = 0
     ) -> list[float]:
         told = []
         scope = SimpleNamespace(in_time=lambda: True, progress=told.append)
@@ -45,20 +45,23 @@ def looked(monkeypatch):
         ]
         found = long_memory.appearing(
             problem,
-            SimpleNamespace(cost=before),
+            SimpleNamespace(cost=shortest),
             SimpleNamespace(cost=now, time_constant=40.0),
             entries,
             scope,
         )
-        assert bool(told) == (now >= 1.25 * max(before, NOISE))
+        assert bool(told) == (now >= 1.25 * NOISE)
         return [entry.fitted.cost for entry in found]
 
     return run
 
 
-def test_what_a_longer_memory_leaves_as_before_is_not_looked_into(looked):
-    assert looked(1300.0, 1400.0, [0.3], [1000.0]) == []
+def test_what_is_little_more_than_noise_is_not_looked_into(looked):
     assert looked(900.0, 1200.0, [0.3], [900.0]) == []
+
+
+def test_what_builds_up_in_small_steps_is_looked_into(looked):
+    assert looked(1150.0, 1300.0, [0.3], [1000.0]) == [1000.0]
 
 
 def test_suspects_have_to_take_half_of_what_is_new(looked):
