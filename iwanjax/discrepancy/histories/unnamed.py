@@ -137,9 +137,11 @@ def beyond_names(
 ) -> Beyond | None:
     """A general law where the best name leaves more than noise, and what then remains of the names.
 
-    Also where it leaves little more, but what no error of a linear model does and other laws at
-    that place do (:func:`~iwanjax.discrepancy.histories.place_test.more_there`): a joint that
-    hardly slips looks like a spring. Held-out recordings refuse it as they refuse every name.
+    Also where no more is left than a linear model may be off by: where that is more than noise, for
+    it may as well be what the name lacks, and where it is little more, but what no error of a
+    linear model does and other laws at that place do
+    (:func:`~iwanjax.discrepancy.histories.place_test.more_there`): a joint that hardly slips looks
+    like a spring. Held-out recordings refuse the law as they refuse every name.
 
     Parameters
     ----------
@@ -194,16 +196,19 @@ def beyond_names(
 
 
 def _neighbour_at(best: RankedFit, scope: Scope) -> Place | None:
-    """The place of what is suspected, where other laws there would take off what it leaves."""
-    hypothesis, noise = best.fitted.hypothesis, left_by_noise(best.problem)
+    """The place of what is suspected, where another law there may take off what it leaves."""
+    hypothesis, left = best.fitted.hypothesis, best.fitted.cost / left_by_noise(best.problem)
     laws = all(isinstance(k, ForceKind) or getattr(k, "law", None) for k in hypothesis.kinds)
     there = [place for place in scope.places if {place.label} == set(hypothesis.where)]
     share = settings().judgement.more_there
-    if not laws or not there or best.fitted.cost < (1.0 + share) * noise:
+    if not laws or not there or left < 1.0 + share:
         return None
+    # About what is far from the truth slopes do not tell what a law would take off.
+    if left > best.problem.settings.selection.misfit:
+        return there[0]
     scope.progress(f"what {hypothesis.label} leaves at its place")
     more = more_there(best.problem, best.fitted, there[0], scope.places)
-    return there[0] if more > share * noise else None
+    return there[0] if more > share * left_by_noise(best.problem) else None
 
 
 def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce:
