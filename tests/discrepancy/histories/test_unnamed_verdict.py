@@ -1,6 +1,7 @@
 """Physics that no name fits: where it acts, what it is like, and the law that models it."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,13 +9,16 @@ from two_masses import PLACES, Law, diagnosed
 
 import iwanjax as ij
 from iwanjax.discrepancy.findings import PlaceEvidence
+from iwanjax.discrepancy.histories import unnamed
 from iwanjax.discrepancy.histories.score_test import by_evidence, left_likely
 from iwanjax.discrepancy.judgement import Misfit, acting, beside_general_law, judged
+from iwanjax.effects.catalogue import kinds_in_time
 from iwanjax.identification.places import Place
 from iwanjax.joints import UnnamedLaw
 from iwanjax.joints.duhem import NODES
 from iwanjax.joints.force_law import Scales
 from iwanjax.plotting import plot_unnamed
+from iwanjax.settings.histories import HISTORIES
 from iwanjax.studies.verdicts import as_json
 
 C = 4.0
@@ -177,6 +181,43 @@ def test_names_are_believed_as_far_as_a_general_law_leaves_them_their_misfit():
     assert acting(alone, before, Misfit(10.0, 12.0), 0.9) == pytest.approx(0.864, abs=1e-3)
     # One that takes nothing away does not.
     assert acting(alone, before, before, 0.9) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("left", "by_others", "tried"),
+    [(1.01, 0.5, False), (1.1, 0.01, False), (1.1, 0.05, True), (1.3, 0.0, True)],
+)
+def test_a_general_law_is_tried_where_a_name_leaves_more_than_noise(
+    monkeypatch, left, by_others, tried
+):
+    """Little more, and other laws do that; or much more, of which slopes tell nothing."""
+    place = Place("a", np.eye(3)[0], Scales(1e-3, 0.1))
+    problem = SimpleNamespace(settings=HISTORIES)
+    hypothesis = SimpleNamespace(kinds=kinds_in_time()[:1], where=("a",), label="named@a")
+    fitted = SimpleNamespace(hypothesis=hypothesis, cost=1000.0 * left, time_constant=math.inf)
+    best = SimpleNamespace(problem=problem, fitted=fitted)
+    asked = []
+
+    def law(table, problem, scope, there):
+        asked.append(there)
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(unnamed, "unnamed_law", law)
+    monkeypatch.setattr(unnamed, "more_there", lambda *args: 1000.0 * by_others)
+    monkeypatch.setattr(unnamed, "left_by_noise", lambda problem: 1000.0)
+    monkeypatch.setattr(unnamed, "misfit", lambda *args: Misfit(1.2, 1.0))
+    run = SimpleNamespace(relative=1e-3, floor=1e-3, floor_95=1.1e-3), None
+    verdict = judged(-1e4, (0.0,), Misfit(50.0, 60.0), Misfit(1.2, 1.0))
+    ended = unnamed.Ended(verdict, run, run, 2e-3)
+    table = SimpleNamespace(best=best, nominal=best, entries=[best])
+    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, places=[place])
+    known = table, problem, scope, ended, None
+    if tried:
+        with pytest.raises(ZeroDivisionError):
+            unnamed.beyond_names(*known)
+    else:
+        assert unnamed.beyond_names(*known) is None
+    assert asked == [place] * tried
 
 
 def test_a_law_is_tried_first_where_all_laws_together_explain_most():
