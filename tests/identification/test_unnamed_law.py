@@ -10,7 +10,7 @@ from linear_pair import ROWS, C, measured_force, problem, simulated, stiffness_w
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.unnamed_law import fit_unnamed_law, loosened, with_unnamed_law
-from iwanjax.joints.unnamed_terms import ELASTIC, TERMS
+from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, TERMS
 
 NOISE = np.array([0.03, 0.02])
 MORE, DAMPER = 4e3, 6.0
@@ -36,6 +36,19 @@ def test_a_law_without_strength_changes_no_residual(pair):
     (without,) = residuals_at(made, [at], 8.0)
     (with_it,) = residuals_at(other, [(start.hypothesis, other.still(start.theta))], 8.0)
     np.testing.assert_allclose(with_it, without, atol=1e-7 * np.max(np.abs(without)))
+
+
+def test_dampers_stop_a_place_within_a_step_that_outlasts_them(pair):
+    made, places = pair
+    place, step = places["m2"], float(made.predictor.dt)
+    rate = 2.0 * math.pi * place.scales.deflection / place.scales.period
+    sides = [i for i, name in enumerate(TERMS) if name.endswith("ive rates")]
+    for times, stops in ((0.5, False), (2.0, True)):
+        strengths = np.zeros(len(TERMS))
+        strengths[sides] = times * place.scales.mass / step * rate
+        z = np.concatenate([np.zeros(made.parameters), strengths[BANKS]])
+        begun = fit_unnamed_law(made, UnnamedKind(), place, [z], (2.0,), 0)
+        assert begun.stops_within_a_step == stops
 
 
 @pytest.mark.long

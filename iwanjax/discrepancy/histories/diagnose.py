@@ -18,6 +18,7 @@ from iwanjax.discrepancy.findings import (
     sensor_noise,
 )
 from iwanjax.discrepancy.histories import selection
+from iwanjax.discrepancy.histories.general_law import with_finer_steps
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.place_test import with_verdict
 from iwanjax.discrepancy.histories.prepared import prepared
@@ -28,6 +29,7 @@ from iwanjax.discrepancy.histories.refitted import (
     joints_refitted,
     modes_refitted,
 )
+from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.unnamed import Ended, beyond_names
@@ -43,6 +45,7 @@ from iwanjax.discrepancy.judgement import judged, stopped
 from iwanjax.errors import attempted
 from iwanjax.estimation.evidence import LEAST_GAIN
 from iwanjax.identification.estimates import estimates
+from iwanjax.identification.likelihood import left_by_noise
 from iwanjax.identification.predictor import Quantity
 from iwanjax.identification.recordings import StudyRecording
 from iwanjax.structures import JointedStructure, LinearTrust
@@ -308,12 +311,21 @@ def _polished(
     if scope.in_time():
         now = resolution.of_free_run(now, table.best)
     table = selection.concluded(table, now.problem, scope)
+    finer, far = now, FAR * left_by_noise(now.problem)
     if table.detected and scope.in_time():
         finer = resolution.of_fit(now, table.best)
-        if finer is not now:
-            scope.progress("polishing again, with finer steps")
-            return finer, selection.concluded(table, finer.problem, scope)
-    return now, table
+    law, most = table.general, now.problem.settings.steps.most
+    stiff = law is not None and law.fit.stops_within_a_step
+    left = min(law.fit.fitted.cost, table.best.fitted.cost) if law else 0.0
+    coarse = finer.problem.predictor.substeps < most
+    # What steps that are too long for a law have made of it does not tell how many it takes.
+    if law and stiff and left > far and coarse and scope.in_time():
+        finer = resolution.with_substeps(most)
+        table = table._replace(general=with_finer_steps(law, finer.problem, scope))
+    if finer is now:
+        return now, table
+    scope.progress("polishing again, with finer steps")
+    return finer, selection.concluded(table, finer.problem, scope)
 
 
 def _relative(run: FreeRun | None) -> float:

@@ -113,6 +113,25 @@ def general_law(
     return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]))
 
 
+def with_finer_steps(placed: PlacedLaw, problem: HistoryProblem, scope: Scope) -> PlacedLaw:
+    """The law gone on with, with the shortest memory and other steps between samples.
+
+    A damper that brings its place to rest within a step moves it as no law does.
+
+    Parameters
+    ----------
+    placed : PlacedLaw
+        As found.
+    problem : HistoryProblem
+        Of the model without it, with these steps.
+    scope : Scope
+        How long there is time.
+    """
+    scope.progress(f"the general law at {placed.fit.place.label}, with finer steps")
+    finer = replace(placed.fit, problem=placed.fit.problem.with_steps_of(problem))
+    return placed._replace(fit=_to_scale(_gone_on_with(finer, scope), problem, scope))
+
+
 def _best_way(
     first: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit, scope: Scope
 ) -> UnnamedFit:
