@@ -139,7 +139,16 @@ def with_unnamed_law(
     """
     # As much force as bends the structure as far as the place has moved.
     force, law = place.scales.deflection * place.scales.stiffness, blank_at(place)
-    joint = FreeLaw(law, jnp.full(len(TERMS), force), duhem)
+    joint, p = FreeLaw(law, jnp.full(len(TERMS), force), duhem), problem.parameters
+    free = joint.terms
+    own = np.stack([np.pad(each[p:], (0, p + joint.count - each.size)) for each in z])
+    # What a part begins with may be more, and no search would keep that far beyond its prior.
+    begun, loose = np.zeros(len(TERMS)), np.array(joint.loose)
+    begun[free] = np.max(np.abs(own[:, : free.size]), axis=0)
+    for part in PARTS.values():
+        loose[part] = max(force, float(np.max(begun[part])))
+    joint = replace(joint, loose=jax.device_put(loose))
+    own[:, : free.size] /= loose[free]
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
@@ -153,13 +162,7 @@ def with_unnamed_law(
         problem, predictor=predictor, joints=(*problem.joints, joint), compiled=set(), _process={}
     )
     hypothesis = replace(other.nothing(), kinds=(kind,), where=(place.label,))
-    p, scale = problem.parameters, np.ones(joint.count)
-    scale[: joint.terms.size] = force
-    whole = []
-    for each in z:
-        own = np.zeros(joint.count)
-        own[: each.size - p] = each[p:]
-        whole.append(np.concatenate([each[:p], own / scale]))
+    whole = [np.concatenate([each[:p], there]) for each, there in zip(z, own, strict=True)]
     return other, [Start(hypothesis, other.map.given(each)) for each in whole]
 
 
