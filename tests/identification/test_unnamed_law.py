@@ -10,7 +10,7 @@ from linear_pair import ROWS, C, measured_force, problem, simulated, stiffness_w
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.unnamed_law import fit_unnamed_law, loosened, with_unnamed_law
-from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, TERMS
+from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, PARTS, TERMS
 
 NOISE = np.array([0.03, 0.02])
 MORE, DAMPER = 4e3, 6.0
@@ -49,6 +49,23 @@ def test_dampers_stop_a_place_within_a_step_that_outlasts_them(pair):
         z = np.concatenate([np.zeros(made.parameters), strengths[BANKS]])
         begun = fit_unnamed_law(made, UnnamedKind(), place, [z], (2.0,), 0)
         assert begun.stops_within_a_step == stops
+
+
+def test_a_part_begins_as_strong_as_it_is_known_to_be(pair):
+    """No search goes farther than eight prior deviations, nor does it begin there."""
+    made, places = pair
+    place, strengths = places["m2"], np.zeros(len(TERMS))
+    usual = place.scales.deflection * place.scales.stiffness
+    strengths[PARTS["damper"]] = 100.0 * usual
+    strengths[0] = -0.5 * usual
+    z = np.concatenate([np.zeros(made.parameters), strengths[BANKS]])
+    begun = fit_unnamed_law(made, UnnamedKind(), place, [np.zeros(made.parameters), z], (2.0,), 0)
+    loose = np.asarray(begun.joint.loose)
+    assert loose[PARTS["damper"]] == pytest.approx(100.0 * usual)
+    assert loose[PARTS["spring"]] == pytest.approx(usual)
+    _, (_, start) = with_unnamed_law(made, UnnamedKind(), place, [z[: made.parameters], z])
+    own = start.theta[made.parameters :][: BANKS.size]
+    np.testing.assert_allclose(begun.joint.spread(own), strengths)
 
 
 @pytest.mark.long

@@ -18,7 +18,6 @@ from iwanjax.discrepancy.findings import (
     sensor_noise,
 )
 from iwanjax.discrepancy.histories import selection
-from iwanjax.discrepancy.histories.general_law import with_finer_steps
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.place_test import with_verdict
 from iwanjax.discrepancy.histories.prepared import prepared
@@ -311,17 +310,15 @@ def _polished(
     if scope.in_time():
         now = resolution.of_free_run(now, table.best)
     table = selection.concluded(table, now.problem, scope)
-    finer, far = now, FAR * left_by_noise(now.problem)
+    finer, law, most = now, table.general, now.problem.settings.steps.most
     if table.detected and scope.in_time():
         finer = resolution.of_fit(now, table.best)
-    law, most = table.general, now.problem.settings.steps.most
-    stiff = law is not None and law.fit.stops_within_a_step
-    left = min(law.fit.fitted.cost, table.best.fitted.cost) if law else 0.0
-    coarse = finer.problem.predictor.substeps < most
-    # What steps that are too long for a law have made of it does not tell how many it takes.
-    if law and stiff and left > far and coarse and scope.in_time():
-        finer = resolution.with_substeps(most)
-        table = table._replace(general=with_finer_steps(law, finer.problem, scope))
+    far = table.best.fitted.cost > FAR * left_by_noise(now.problem)
+    if law and law.coarse and far and law.fit.problem.predictor.substeps < most:
+        # Of a law whose steps are too long a search finds neither the place nor how many it takes.
+        table = table._replace(general=None)
+        if finer.problem.predictor.substeps < most and scope.in_time():
+            finer = resolution.with_substeps(most)
     if finer is now:
         return now, table
     scope.progress("polishing again, with finer steps")

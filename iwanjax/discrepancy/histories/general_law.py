@@ -53,10 +53,13 @@ class PlacedLaw(NamedTuple):
         As far as it got.
     probability : float
         Of its place among those that were tried.
+    coarse : bool
+        Whether the steps between samples may be too long for the law at one of them.
     """
 
     fit: UnnamedFit
     probability: float
+    coarse: bool
 
     @property
     def entry(self) -> RankedFit:
@@ -110,26 +113,8 @@ def general_law(
     ended += others
     odds = _odds(ended)
     best = int(np.argmax(odds))
-    return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]))
-
-
-def with_finer_steps(placed: PlacedLaw, problem: HistoryProblem, scope: Scope) -> PlacedLaw:
-    """The law gone on with, with the shortest memory and other steps between samples.
-
-    A damper that brings its place to rest within a step moves it as no law does.
-
-    Parameters
-    ----------
-    placed : PlacedLaw
-        As found.
-    problem : HistoryProblem
-        Of the model without it, with these steps.
-    scope : Scope
-        How long there is time.
-    """
-    scope.progress(f"the general law at {placed.fit.place.label}, with finer steps")
-    finer = replace(placed.fit, problem=placed.fit.problem.with_steps_of(problem))
-    return placed._replace(fit=_to_scale(_gone_on_with(finer, scope), problem, scope))
+    coarse = any(each.stops_within_a_step for each in tried)
+    return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]), coarse)
 
 
 def _best_way(
