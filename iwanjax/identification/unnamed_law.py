@@ -60,20 +60,6 @@ class UnnamedFit:
         return joint.at(jax.device_put(np.maximum(z, joint.least)))
 
     @property
-    def stops_within_a_step(self) -> bool:
-        r"""Whether its dampers stop the place in less than a step, :math:`m < c\,\Delta t`.
-
-        With what moves with the place for m and the steepest of their force over the rates that
-        the law is of for c. A predictor that corrects its forces once a step follows no such law
-        but a linear one.
-        """
-        law = self.law
-        v = law.rate * jnp.linspace(-1.0, 1.0, 101)
-        slope = jax.vmap(jax.grad(law.discrete().damper, argnums=1), (None, 0))(law.deflection, v)
-        step = float(self.problem.predictor.dt)
-        return self.place.scales.mass < step * float(jnp.max(slope))
-
-    @property
     def determined(self) -> np.ndarray:
         """What the recordings say of each term, 0 (nothing) to 1, (terms,)."""
         known = np.diag(covariance(self.problem, self.fitted, False))[self._strengths]
@@ -171,6 +157,27 @@ def blank_at(place: Place) -> UnnamedLaw:
     seen = place.scales
     rate = 2.0 * math.pi * seen.deflection / seen.period
     return UnnamedLaw.blank(seen.deflection, rate, seen.period)
+
+
+def stops_within_a_step(law: UnnamedLaw, place: Place, step: float) -> bool:
+    r"""Whether dampers stop a place in less than a step, :math:`m < c\,\Delta t`.
+
+    With what moves with the place for m and the steepest of their force over the rates that the law
+    is of for c. A predictor that corrects its forces once a step follows no such law but a linear
+    one.
+
+    Parameters
+    ----------
+    law : UnnamedLaw
+        At the place.
+    place : Place
+        Where.
+    step : float
+        s.
+    """
+    v = law.rate * jnp.linspace(-1.0, 1.0, 101)
+    slope = jax.vmap(jax.grad(law.discrete().damper, argnums=1), (None, 0))(law.deflection, v)
+    return place.scales.mass < step * float(jnp.max(slope))
 
 
 def fit_unnamed_law(

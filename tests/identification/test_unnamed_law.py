@@ -9,7 +9,13 @@ from linear_pair import ROWS, C, measured_force, problem, simulated, stiffness_w
 
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.identification.linearise import residuals_at
-from iwanjax.identification.unnamed_law import fit_unnamed_law, loosened, with_unnamed_law
+from iwanjax.identification.unnamed_law import (
+    blank_at,
+    fit_unnamed_law,
+    loosened,
+    stops_within_a_step,
+    with_unnamed_law,
+)
 from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, PARTS, TERMS
 
 NOISE = np.array([0.03, 0.02])
@@ -41,14 +47,11 @@ def test_a_law_without_strength_changes_no_residual(pair):
 def test_dampers_stop_a_place_within_a_step_that_outlasts_them(pair):
     made, places = pair
     place, step = places["m2"], float(made.predictor.dt)
-    rate = 2.0 * math.pi * place.scales.deflection / place.scales.period
+    law, strengths = blank_at(place), np.zeros(len(TERMS))
     sides = [i for i, name in enumerate(TERMS) if name.endswith("ive rates")]
+    strengths[sides] = place.scales.mass / step * float(law.rate)
     for times, stops in ((0.5, False), (2.0, True)):
-        strengths = np.zeros(len(TERMS))
-        strengths[sides] = times * place.scales.mass / step * rate
-        z = np.concatenate([np.zeros(made.parameters), strengths[BANKS]])
-        begun = fit_unnamed_law(made, UnnamedKind(), place, [z], (2.0,), 0)
-        assert begun.stops_within_a_step == stops
+        assert stops_within_a_step(law.with_strengths(times * strengths), place, step) == stops
 
 
 def test_a_part_begins_as_strong_as_it_is_known_to_be(pair):

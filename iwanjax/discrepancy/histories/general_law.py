@@ -33,7 +33,12 @@ from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
-from iwanjax.identification.unnamed_law import UnnamedFit, blank_at, fit_unnamed_law
+from iwanjax.identification.unnamed_law import (
+    UnnamedFit,
+    blank_at,
+    fit_unnamed_law,
+    stops_within_a_step,
+)
 from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.duhem import FIRST_BRANCH, nearest_branch, scaled
 from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, PARTS, TERMS
@@ -54,7 +59,8 @@ class PlacedLaw(NamedTuple):
     probability : float
         Of its place among those that were tried.
     coarse : bool
-        Whether the steps between samples may be too long for the law at one of them.
+        Whether steps between samples may be too long for the law at one of them, by a damper there
+        that the best named suspect is.
     """
 
     fit: UnnamedFit
@@ -95,7 +101,8 @@ def general_law(
     scope : Scope
         How long there is time.
     """
-    z, short = nominal.theta.mean(axis=0)[: problem.parameters], (SHORT_TIME_CONSTANT,)
+    p, short = problem.parameters, (SHORT_TIME_CONSTANT,)
+    z, coarse = nominal.theta.mean(axis=0)[:p], False
     tried: list[UnnamedFit] = []
     for place in places[: problem.settings.selection.finalists]:
         if tried and not scope.in_time():
@@ -103,7 +110,11 @@ def general_law(
         scope.progress(f"a general law at {place.label}")
         forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
         starts = [z, problem.with_given_joints(z)]
-        starts += [as_general_law(e.fitted, problem, place) for e in forces[:1]]
+        named = [as_general_law(e.fitted, problem, place) for e in forces[:1]]
+        starts += named
+        for own in named:
+            law = blank_at(place).with_strengths(jnp.zeros(len(TERMS)).at[BANKS].set(own[p:]))
+            coarse |= stops_within_a_step(law, place, float(problem.predictor.dt))
         begun = problem, UnnamedKind(), place, starts, short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
     first, *others = sorted(tried, key=lambda each: each.fitted.cost)
@@ -113,7 +124,6 @@ def general_law(
     ended += others
     odds = _odds(ended)
     best = int(np.argmax(odds))
-    coarse = any(each.stops_within_a_step for each in tried)
     return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]), coarse)
 
 
