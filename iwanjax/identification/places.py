@@ -9,6 +9,7 @@ import numpy as np
 from iwanjax.identification.observer import observer_gain, process_noise, stepped
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.joints import Scales
+from iwanjax.types import ArrayLike
 
 
 class Followed(NamedTuple):
@@ -70,6 +71,21 @@ class Place:
     label: str
     row: np.ndarray
     scales: Scales
+
+    def stopped(self, v: ArrayLike, force: ArrayLike, step: float) -> bool:
+        r"""Whether a force stops the place within a step, :math:`m\,v < F\,\Delta t`.
+
+        A predictor that corrects its forces once a step follows no such law but a linear one.
+
+        Parameters
+        ----------
+        v, force : array_like
+            Rates of the place and forces there, of which the root mean squares count.
+        step : float
+            s.
+        """
+        momentum = self.scales.mass * float(np.sqrt(np.mean(np.square(v))))
+        return momentum < step * float(np.sqrt(np.mean(np.square(force))))
 
 
 def places_of(

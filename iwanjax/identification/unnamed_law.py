@@ -159,27 +159,6 @@ def blank_at(place: Place) -> UnnamedLaw:
     return UnnamedLaw.blank(seen.deflection, rate, seen.period)
 
 
-def stops_within_a_step(law: UnnamedLaw, place: Place, step: float) -> bool:
-    r"""Whether dampers stop a place in less than a step, :math:`m < c\,\Delta t`.
-
-    With what moves with the place for m and the steepest of their force over the rates that the law
-    is of for c. A predictor that corrects its forces once a step follows no such law but a linear
-    one.
-
-    Parameters
-    ----------
-    law : UnnamedLaw
-        At the place.
-    place : Place
-        Where.
-    step : float
-        s.
-    """
-    v = law.rate * jnp.linspace(-1.0, 1.0, 101)
-    slope = jax.vmap(jax.grad(law.discrete().damper, argnums=1), (None, 0))(law.deflection, v)
-    return place.scales.mass < step * float(jnp.max(slope))
-
-
 def fit_unnamed_law(
     problem: HistoryProblem,
     kind: UnnamedKind,

@@ -10,10 +10,8 @@ from linear_pair import ROWS, C, measured_force, problem, simulated, stiffness_w
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.unnamed_law import (
-    blank_at,
     fit_unnamed_law,
     loosened,
-    stops_within_a_step,
     with_unnamed_law,
 )
 from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, PARTS, TERMS
@@ -44,14 +42,11 @@ def test_a_law_without_strength_changes_no_residual(pair):
     np.testing.assert_allclose(with_it, without, atol=1e-7 * np.max(np.abs(without)))
 
 
-def test_dampers_stop_a_place_within_a_step_that_outlasts_them(pair):
-    made, places = pair
-    place, step = places["m2"], float(made.predictor.dt)
-    law, strengths = blank_at(place), np.zeros(len(TERMS))
-    sides = [i for i, name in enumerate(TERMS) if name.endswith("ive rates")]
-    strengths[sides] = place.scales.mass / step * float(law.rate)
-    for times, stops in ((0.5, False), (2.0, True)):
-        assert stops_within_a_step(law.with_strengths(times * strengths), place, step) == stops
+def test_a_force_that_takes_more_than_a_place_has_of_momentum_stops_it(pair):
+    place, v = pair[1]["m2"], np.sin(np.arange(50.0))
+    damper = place.scales.mass / 1e-3
+    assert place.stopped(v, 1.1 * damper * v, 1e-3)
+    assert not place.stopped(v, 0.9 * damper * v, 1e-3)
 
 
 def test_a_part_begins_as_strong_as_it_is_known_to_be(pair):

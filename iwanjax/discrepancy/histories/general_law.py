@@ -33,12 +33,7 @@ from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
-from iwanjax.identification.unnamed_law import (
-    UnnamedFit,
-    blank_at,
-    fit_unnamed_law,
-    stops_within_a_step,
-)
+from iwanjax.identification.unnamed_law import UnnamedFit, blank_at, fit_unnamed_law
 from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.duhem import FIRST_BRANCH, nearest_branch, scaled
 from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, PARTS, TERMS
@@ -59,8 +54,8 @@ class PlacedLaw(NamedTuple):
     probability : float
         Of its place among those that were tried.
     coarse : bool
-        Whether steps between samples may be too long for the law at one of them, by a damper there
-        that the best named suspect is.
+        Whether steps between samples may be too long for the law at one of them: the best named
+        force stops it within a step.
     """
 
     fit: UnnamedFit
@@ -101,20 +96,18 @@ def general_law(
     scope : Scope
         How long there is time.
     """
-    p, short = problem.parameters, (SHORT_TIME_CONSTANT,)
-    z, coarse = nominal.theta.mean(axis=0)[:p], False
-    tried: list[UnnamedFit] = []
+    z, short = nominal.theta.mean(axis=0)[: problem.parameters], (SHORT_TIME_CONSTANT,)
+    tried, coarse = list[UnnamedFit](), False
     for place in places[: problem.settings.selection.finalists]:
         if tried and not scope.in_time():
             break
         scope.progress(f"a general law at {place.label}")
         forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
         starts = [z, problem.with_given_joints(z)]
-        named = [as_general_law(e.fitted, problem, place) for e in forces[:1]]
-        starts += named
-        for own in named:
-            law = blank_at(place).with_strengths(jnp.zeros(len(TERMS)).at[BANKS].set(own[p:]))
-            coarse |= stops_within_a_step(law, place, float(problem.predictor.dt))
+        for each in forces[:1]:
+            motion, force = _named_force(each.fitted, problem, place)
+            coarse |= place.stopped(motion.v, force, float(problem.predictor.dt))
+            starts.append(as_general_law(each.fitted, problem, place))
         begun = problem, UnnamedKind(), place, starts, short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
     first, *others = sorted(tried, key=lambda each: each.fitted.cost)
@@ -253,6 +246,16 @@ def as_general_law(fitted: HypothesisFit, problem: HistoryProblem, place: Place)
     problem, place
         Of the fit.
     """
+    motion, force = _named_force(fitted, problem, place)
+    strengths = nearest_strengths(place, motion, force, BANKS)
+    joints = fitted.theta.mean(axis=0)[: problem.parameters]
+    return np.concatenate([joints, strengths[BANKS]])
+
+
+def _named_force(
+    fitted: HypothesisFit, problem: HistoryProblem, place: Place
+) -> tuple[PlaceMotion, np.ndarray]:
+    """Motion of a place, and what a fit's named forces do there."""
     hypothesis, theta = fitted.hypothesis, fitted.theta.mean(axis=0)
     motion = _first(_motion(problem, fitted, place), problem)
     force = np.zeros(motion.d.shape)
@@ -260,8 +263,7 @@ def as_general_law(fitted: HypothesisFit, problem: HistoryProblem, place: Place)
         assert isinstance(kind, ForceKind)
         law = SizedLaw(kind, *hypothesis.physical(theta, problem.map, slot))
         force = force + law.force(motion)
-    strengths = nearest_strengths(place, motion, force, BANKS)
-    return np.concatenate([theta[: problem.parameters], strengths[BANKS]])
+    return motion, force
 
 
 def nearest_strengths(
