@@ -47,7 +47,8 @@ class SelectionSettings:
     give_up : float
         Times the best cost from which on a search is given up.
     misfit : float
-        Squared residual over the noise's from which on a suspect is not all there is.
+        Squared residual over the noise's from which on a suspect is not all there is: the general
+        law is tried at its place.
     as_much : float
         Share of a cost by which kinds may differ that explain as much.
     hope : float, log evidence
