@@ -9,11 +9,7 @@ from linear_pair import ROWS, C, measured_force, problem, simulated, stiffness_w
 
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.identification.linearise import residuals_at
-from iwanjax.identification.unnamed_law import (
-    fit_unnamed_law,
-    loosened,
-    with_unnamed_law,
-)
+from iwanjax.identification.unnamed_law import fit_unnamed_law, loosened, with_unnamed_law
 from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, PARTS, TERMS
 
 NOISE = np.array([0.03, 0.02])

@@ -107,7 +107,9 @@ def general_law(
         for each in forces[:1]:
             motion, force = _named_force(each.fitted, problem, place)
             coarse |= place.stopped(motion.v, force, float(problem.predictor.dt))
-            starts.append(as_general_law(each.fitted, problem, place))
+            strengths = nearest_strengths(place, motion, force, BANKS)[BANKS]
+            own = each.fitted.theta.mean(axis=0)[: problem.parameters]
+            starts.append(np.concatenate([own, strengths]))
         begun = problem, UnnamedKind(), place, starts, short
         tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
     first, *others = sorted(tried, key=lambda each: each.fitted.cost)
@@ -234,22 +236,6 @@ def _forces_at(fitted: HypothesisFit, place: Place) -> bool:
     hypothesis = fitted.hypothesis
     named = all(isinstance(kind, ForceKind) for kind in hypothesis.kinds)
     return named and set(hypothesis.where) == {place.label}
-
-
-def as_general_law(fitted: HypothesisFit, problem: HistoryProblem, place: Place) -> np.ndarray:
-    """Joints of a fit with named forces, and the strengths of the general law nearest to them.
-
-    Parameters
-    ----------
-    fitted : HypothesisFit
-        Of forces at the place.
-    problem, place
-        Of the fit.
-    """
-    motion, force = _named_force(fitted, problem, place)
-    strengths = nearest_strengths(place, motion, force, BANKS)
-    joints = fitted.theta.mean(axis=0)[: problem.parameters]
-    return np.concatenate([joints, strengths[BANKS]])
 
 
 def _named_force(
