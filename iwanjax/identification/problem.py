@@ -94,6 +94,12 @@ class Hypothesis:
         return " + ".join(f"{kind.name}@{where}" for kind, where in pairs) or "nothing"
 
     @property
+    def twice_the_same(self) -> bool:
+        """Whether two suspects at one place are of one kind."""
+        pairs = [(kind.name, where) for kind, where in zip(self.kinds, self.where, strict=True)]
+        return len(set(pairs)) < len(pairs)
+
+    @property
     def variant(self) -> "Variant":
         """Kinds with their places and forms, in no order: what tells one from all others."""
         pairs = zip(self.kinds, self.where, strict=True)

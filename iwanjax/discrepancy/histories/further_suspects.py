@@ -165,7 +165,6 @@ def further_laws(
         Where something acts most likely, in order.
     rounds : int
         How many of them may be the right one: so often each law is fitted, at its best place first.
-        One that moves on its own, such as an oscillator, is unknown to the test of places.
     """
     best, known = least(nominal, entries), problem.settings
     enough = known.selection.misfit * left_by_right_model(problem)
@@ -178,26 +177,25 @@ def further_laws(
     z = nominal.theta.mean(axis=0)[: problem.parameters]
     beside = [z, problem.with_given_joints(z)] if problem.joints else [z]
     limits, found = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT), []
+    near = places
     if best.cost < FAR * left_by_noise(problem):
         # What is left is small beside what was explained there: a name may be wrong, not the place.
-        places = _of_the_best(places, entries, known.joint_faults.ahead * best.cost)
+        near = _of_the_best(places, entries, known.joint_faults.ahead * best.cost)
     most, rounds = known.selection.finalists, min(max(rounds, 1), known.selection.finalists)
     of_kinds = []
     for kind in kinds:
         assert kind.law
         scope.progress(f"sifting places: {kind.usual}")
         made = []
-        # Twice as many places as are fitted: the test of places knows no law with a memory of its
-        # own, such as an oscillator's.
-        for place in places[: 2 * most] if scope.in_time() else ():
+        here, fitted = sought_at(kind, places, near, most, rounds)
+        for place in here if scope.in_time() else ():
             guesses = kind.law.begun(place.scales, **dict(kind.held))
             starts = [
                 *begun_from(kind, place, entries[:most], problem),
                 *(hypotheses.LawStart(law, z) for z in beside for law in guesses),
             ]
             made.append(_sifted(*hypotheses.with_law(problem, kind, place, starts)))
-        tried = most if issubclass(kind.law, AbstractMotionOnly) else rounds
-        of_kinds.append(sorted(made, key=lambda each: each.left)[:tried])
+        of_kinds.append(sorted(made, key=lambda each: each.left)[:fitted])
     # Shorter, or none, where the time is over.
     for likely in itertools.zip_longest(*of_kinds):
         for own, starts, _ in filter(None, likely):
@@ -206,6 +204,20 @@ def further_laws(
         if min(map(cost_of, found), default=math.inf) < enough:
             break
     return compared(shorts, entries, found, scope)
+
+
+def sought_at(
+    kind: JointKind, places: Sequence[Place], near: Sequence[Place], most: int, rounds: int
+) -> tuple[Sequence[Place], int]:
+    """Where a law is sifted, and at how many of these it is fitted.
+
+    At twice as many places as it may be fitted at, of those that are near what explains much
+    already, once a round; one that moves on its own, such as an oscillator, wherever anything may
+    act: it is unknown to the test of places, and may look like another law elsewhere.
+    """
+    if kind.law and issubclass(kind.law, AbstractMotionOnly):
+        return places[: 2 * most], most
+    return near[: 2 * most], rounds
 
 
 def _taken_for(kind: JointKind, hypothesis: Hypothesis) -> bool:

@@ -127,6 +127,8 @@ def partners_of(
             best, singles = better, _singles(problem, better, scope)
     near = {e.hypothesis.variant: e for e in sorted(pairs, key=lambda each: -each.cost)}
     near = [each for each in near.values() if each.cost < known.give_up * best.cost]
+    # Two of one kind at one place are a spectrum of it and no name: the general law's to fit.
+    near = [each for each in near if not each.hypothesis.twice_the_same]
     return near, _enough(problem, best, singles)
 
 

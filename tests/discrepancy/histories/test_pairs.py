@@ -7,6 +7,8 @@ import pytest
 
 from iwanjax.discrepancy.histories import pairs
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
+from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.identification.problem import Hypothesis
 from iwanjax.settings.histories import HISTORIES
 
 N = 1000
@@ -67,3 +69,45 @@ def test_what_is_at_the_same_place_or_explains_much_less_is_not_asked(asked, oth
 def test_where_the_first_has_a_partner_nobody_else_is_asked(asked):
     pairs.doubled(SEARCH, [entry(100.0, "m3"), entry(110.0, "m2")], None)
     assert asked == ["m3"]
+
+
+@pytest.mark.parametrize(
+    ("names", "where", "same"),
+    [
+        ("viscoelastic viscoelastic", "m1 m1", True),
+        ("viscoelastic viscoelastic", "m1 m2", False),
+        ("viscoelastic stiffness_error", "m1 m1", False),
+        ("stiffness_error viscoelastic viscoelastic", "m1 m1 m1", True),
+        ("viscoelastic", "m1", False),
+    ],
+)
+def test_two_of_one_kind_at_one_place_are_no_pair_of_names(names, where, same):
+    kinds = tuple(CATALOGUE[name][0] for name in names.split())
+    assert Hypothesis(kinds, tuple(where.split()), None).twice_the_same is same
+
+
+def test_no_such_pair_is_handed_on(monkeypatch):
+    def pair(cost, same):
+        hypothesis = SimpleNamespace(
+            where=("m1", "m1"), kinds=(), variant=same, twice_the_same=same, label=""
+        )
+        return SimpleNamespace(hypothesis=hypothesis, cost=cost * N, start=None)
+
+    first, found = pair(50.0, False), [pair(1.0, True), pair(1.05, False)]
+    candidate = SimpleNamespace(drop=1e9, start=None)
+    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None)
+    table = SimpleNamespace(worth=lambda fitted: 1e4, values=np.zeros(2))
+    for name, value in {
+        "left_by_noise": N,
+        "evidence": table,
+        "scored": [candidate],
+        "where_something_acts": [candidate],
+        "multistart": found,
+        "_singles": [],
+        "_enough": [],
+        "_margin": 1.0,
+    }.items():
+        monkeypatch.setattr(pairs, name, lambda *a, value=value, **k: value)
+    near, alone = pairs.partners_of(SEARCH, first, scope)
+    assert [each.cost for each in near] == [1.05 * N]
+    assert not alone

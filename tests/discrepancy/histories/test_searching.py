@@ -13,13 +13,13 @@ from struck_mass import JOINT, resolution, searching, struck
 
 import iwanjax as ij
 from iwanjax.discrepancy.histories import restarts, selection
-from iwanjax.discrepancy.histories.further_suspects import pointed_at, probed
+from iwanjax.discrepancy.histories.further_suspects import pointed_at, probed, sought_at
 from iwanjax.discrepancy.histories.joint_faults import without_the_other
 from iwanjax.discrepancy.histories.nested import with_nested_laws
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, scored, settled
 from iwanjax.discrepancy.histories.selection import ModelSelection, concluded
 from iwanjax.discrepancy.histories.time_steps import Refined
-from iwanjax.effects.catalogue import CATALOGUE
+from iwanjax.effects.catalogue import CATALOGUE, kinds_in_time
 from iwanjax.effects.kinds import ForceKind, JointKind
 from iwanjax.estimation.levenberg_marquardt import Descent, Layout, SearchStart
 from iwanjax.estimation.linearisation import Linearisation
@@ -523,3 +523,13 @@ def test_a_verdict_on_a_stiff_suspect_is_polished_with_finer_steps():
     assert table.best.problem is table.nominal.problem is finer
     assert table.best.fitted.time_constant == math.inf
     assert table.best.fitted.cost < 0.1 * found.fitted.cost
+
+
+def test_what_moves_on_its_own_is_sought_away_from_what_looks_like_it():
+    """A weak oscillator looked like a mass at the next place, which left 3.6 times the noise."""
+    known = {kind.name: kind for kind in kinds_in_time() if isinstance(kind, JointKind)}
+    places = [SimpleNamespace(label=f"m{i}") for i in range(9)]
+    near = places[2:3]
+    assert sought_at(known["attached_oscillator"], places, near, 3, 1) == (places[:6], 3)
+    assert sought_at(known["bouc_wen"], places, near, 3, 1) == (near, 1)
+    assert sought_at(known["bouc_wen"], places, places, 3, 2) == (places[:6], 2)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from two_masses import PLACES, Law, diagnosed
+from two_masses import FINE, PLACES, RATE, Law, diagnosed
 
 import iwanjax as ij
 from iwanjax.discrepancy.findings import PlaceEvidence
@@ -73,6 +73,29 @@ def test_a_joint_that_hardly_slips_is_no_spring():
     stuck = diagnosed(lambda: lambda d, v, moved: 500.0 * d, ("stiffness_error",))
     assert stuck.what[0].label == "stiffness_error@m1-m2"
     assert stuck.verdict.found
+
+
+def relaxing() -> Law:
+    """Two Maxwell elements, one that relaxes within a cycle and one over several."""
+    k, tau, dt = np.array([8e3, 8e3]), np.array([1e-3, 2e-2]), 1.0 / (RATE * FINE)
+    stretch = np.zeros(2)
+
+    def force(d: float, v: float, moved: float) -> float:
+        stretch[:] = (stretch + moved) * np.exp(-dt / tau)
+        return float(k @ stretch)
+
+    return force
+
+
+@pytest.mark.long
+def test_two_relaxation_times_are_a_spectrum_and_no_name():
+    """Two elements would explain all, and so would many: one alone is not what is missing."""
+    found = diagnosed(relaxing, ("viscoelastic", "viscous_damping", "stiffness_error"))
+    assert found.what[0].label == "unnamed_law@m1-m2"
+    assert all(each.probability < 0.5 for each in found.what[1:])
+    assert found.unnamed.description.endswith("a force that relaxes with time")
+    assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
+    assert found.before.hold_out > 10.0 * found.noise_floor.hold_out
 
 
 K_PINCHED, SLIP = 4e4, 4e-5
