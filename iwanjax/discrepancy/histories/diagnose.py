@@ -31,7 +31,7 @@ from iwanjax.discrepancy.histories.refitted import (
 from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
-from iwanjax.discrepancy.histories.unnamed import Ended, beyond_names
+from iwanjax.discrepancy.histories.unnamed import Ended, beside_linear, beyond_names
 from iwanjax.discrepancy.histories.validation import (
     FreeRun,
     compared,
@@ -172,6 +172,12 @@ def diagnose_histories(
         failures,
     )
     sides, problem, _ = now
+    table = attempted(
+        "looking for more than linear errors",
+        lambda: beside_linear(table, scope),
+        table,
+        failures,
+    )
     progress("predicting the held-out recordings")
     table, before, after, refused = compared(
         # How unsure macroslip leaves a prediction takes runs of its own.

@@ -265,12 +265,12 @@ def with_verdict(
 
 def more_there(
     problem: HistoryProblem, base: HypothesisFit, place: Place, places: Sequence[Place]
-) -> float:
-    r"""Squares that laws of a place would take off what a fit leaves.
+) -> Block:
+    r"""What laws of a place would take off what a fit leaves.
 
-    With the columns H of all laws there but mass, dashpot and spring, and the residual e, both less
+    The columns H of all laws there but mass, dashpot and spring, against the residual e, both less
     what is refitted anyhow and what errors of the linear model's mass, damping and stiffness, here
-    or elsewhere and of any size, would do as well: :math:`e^T H (H^T H)^+ H^T e`, as of any block.
+    or elsewhere and of any size, would do as well.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def more_there(
 
     Returns
     -------
-    float
+    Block
         In squared deviations of the noise.
     """
     problem, base = _by_all_kinds(problem, base)
@@ -304,7 +304,7 @@ def more_there(
     # An error at one place may do what another one does: only directions that there are.
     basis, strength, _ = np.linalg.svd(explained[:, size > 0.0] / size[size > 0.0], False)
     basis = basis[:, strength > _DEPENDENT * strength[0]]
-    return Remaining.of(problem, base, basis).seen(made(others, [place])).block().reduction
+    return Remaining.of(problem, base, basis).seen(made(others, [place])).block()
 
 
 def _by_all_kinds(

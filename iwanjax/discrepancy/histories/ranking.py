@@ -220,18 +220,31 @@ def finalists(base: RankedFit, entries: Sequence[RankedFit]) -> list[RankedFit]:
     return [e for e in chosen if e is entries[0] or e in hopeful or e in limits]
 
 
-def ranked(base: RankedFit, entries: Sequence[RankedFit]) -> tuple[RankedFit, list[RankedFit]]:
-    """By evidence of fits with the same memory; those with another keep their distance."""
+def ranked(
+    base: RankedFit, entries: Sequence[RankedFit], *, beside_linear: bool = True
+) -> tuple[RankedFit, list[RankedFit]]:
+    """By evidence of fits with the same memory; those with another keep their distance.
+
+    Parameters
+    ----------
+    base : RankedFit
+        The model without suspects.
+    entries : sequence of RankedFit
+        With them.
+    beside_linear : bool
+        Whether a law has to explain more than a linear limit of it by what the model's own errors
+        may be worth, as it has to beside any other.
+    """
     if not entries:
         return base, []
     same = [e for e in entries if e.fitted.time_constant == base.fitted.time_constant]
     table = evidence(base.problem, [base.fitted, *(e.fitted for e in same)])
-    values = _granted(base, same, table)
+    values = _granted(base, same, table, beside_linear)
     # Rivals are told apart by what the best of them leaves, its own errors included. That nothing
     # is missing is held against the noise: a poor fit is no reason to ask for more evidence.
     least = max(1.0, left_by_noise(base.problem) / values_measured(base.problem))
     noise = table.at(base.problem, [base.fitted, *(e.fitted for e in same)], least)
-    strict = _granted(base, same, noise) if table.temperature > least else values
+    strict = _granted(base, same, noise, beside_linear) if table.temperature > least else values
     gain = float(strict[1:].max() - strict[0]) if same else 0.0
     behind = values[1:] - values[1:].max() + min(gain, 0.0) if same else values[1:]
     first = [replace(e, behind=float(b)) for e, b in zip(same, behind, strict=True)]
@@ -241,19 +254,34 @@ def ranked(base: RankedFit, entries: Sequence[RankedFit]) -> tuple[RankedFit, li
     return base, [*sorted(first, key=lambda e: -e.behind), *left]
 
 
-def _granted(base: RankedFit, same: Sequence[RankedFit], table: Evidence) -> np.ndarray:
+def _granted(
+    base: RankedFit, same: Sequence[RankedFit], table: Evidence, beside_linear: bool
+) -> np.ndarray:
     """Log evidences of nothing and of entries, with what either is granted."""
     values = np.array(table.values)
     # For nothing the residual counts a little less: what the model's own errors are worth.
     values[0] += MODEL_ERROR_ALLOWANCE * table.worth(base.fitted)
     # What has simpler kinds for its limits, or is two at once, has to explain so much more.
     for i, e in enumerate(same, 1):
-        margin, simpler = MODEL_ERROR_ALLOWANCE * table.worth(e.fitted), _simpler(e) | _alone(e)
-        if any(
-            _parts(o) in simpler and values[j] > values[i] - margin for j, o in enumerate(same, 1)
-        ):
+        margin = MODEL_ERROR_ALLOWANCE * table.worth(e.fitted)
+        simpler = [
+            values[j]
+            for j, o in enumerate(same, 1)
+            if contains(e, o) and (beside_linear or not linear(o) or linear(e))
+        ]
+        if any(value > values[i] - margin for value in simpler):
             values[i] -= margin
     return values
+
+
+def linear(entry: RankedFit) -> bool:
+    """Whether all that is suspected is an error of the model's mass, damping or stiffness."""
+    return all(getattr(kind, "linear", False) for kind in entry.fitted.hypothesis.kinds)
+
+
+def contains(entry: RankedFit, other: RankedFit) -> bool:
+    """Whether another one is a limit of an entry, or one of its suspects alone."""
+    return _parts(other) in _simpler(entry) | _alone(entry)
 
 
 def doubted(problem: HistoryProblem, entries: Sequence[RankedFit]) -> list[RankedFit]:

@@ -17,15 +17,24 @@ from iwanjax.discrepancy.histories.general_law import (
     motion_of,
 )
 from iwanjax.discrepancy.histories.likeness import described, nearest
-from iwanjax.discrepancy.histories.place_test import more_there
-from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit, Scope, least
+from iwanjax.discrepancy.histories.place_test import log_evidence, more_there
+from iwanjax.discrepancy.histories.ranking import (
+    TIME_CONSTANT,
+    RankedFit,
+    Scope,
+    contains,
+    doubted,
+    least,
+    linear,
+    ranked,
+)
 from iwanjax.discrepancy.histories.score_test import left_likely
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
 from iwanjax.effects.kinds import ForceKind, UnnamedKind
-from iwanjax.estimation.evidence import AS_LIKELY_WRONG
-from iwanjax.identification.likelihood import covariance, left_by_noise
+from iwanjax.estimation.evidence import AS_LIKELY_WRONG, LEAST_GAIN
+from iwanjax.identification.likelihood import covariance, evidence, left_by_noise
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit
@@ -207,8 +216,44 @@ def _neighbour_at(best: RankedFit, scope: Scope) -> Place | None:
     if left > best.problem.settings.selection.misfit:
         return there[0]
     scope.progress(f"what {hypothesis.label} leaves at its place")
-    more = more_there(best.problem, best.fitted, there[0], scope.places)
+    more = more_there(best.problem, best.fitted, there[0], scope.places).reduction
     return there[0] if more > share * left_by_noise(best.problem) else None
+
+
+def beside_linear(table: ModelSelection, scope: Scope) -> ModelSelection:
+    """The same where the best name is linear and no error of a linear model does what others do.
+
+    What has it for a limit was ranked by what it takes off more than the model's own errors may be
+    worth (:func:`~iwanjax.discrepancy.histories.ranking.ranked`). Where those would have to be
+    errors of a linear model, and what these cannot do speaks for a law at that place, it is ranked
+    by all of it: a joint that hardly slips is no spring, though a spring leaves little.
+
+    Parameters
+    ----------
+    table : ModelSelection
+        How the named hypotheses ended.
+    scope : Scope
+        Places where the linear model may be wrong, and how long there is time.
+    """
+    best, memory = table.best, table.nominal.fitted.time_constant
+    if not table.detected or not linear(best) or not scope.in_time():
+        return table
+    above = [e for e in table.entries if contains(e, best) and not linear(e)]
+    better = any(
+        e.fitted.time_constant == memory and e.fitted.cost < best.fitted.cost for e in above
+    )
+    where = best.fitted.hypothesis.where
+    there = [place for place in scope.places if {place.label} == set(where)]
+    if not better or not there:
+        return table
+    scope.progress(f"what {best.fitted.hypothesis.label} leaves at its place")
+    block = more_there(best.problem, best.fitted, there[0], scope.places)
+    known = evidence(best.problem, [best.fitted])
+    unit = 2.0 * known.temperature * known.tau
+    if log_evidence(block, unit, best.fitted.cost) < LEAST_GAIN:
+        return table
+    base, entries = ranked(table.nominal, table.entries, beside_linear=False)
+    return table._replace(nominal=base, entries=tuple(doubted(best.problem, entries)))
 
 
 def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce:

@@ -6,6 +6,8 @@ import pytest
 
 from iwanjax.correlation import correlation_time
 from iwanjax.discrepancy.findings import PlaceEvidence
+from iwanjax.discrepancy.histories import unnamed
+from iwanjax.discrepancy.histories.place_test import Block
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
@@ -340,3 +342,58 @@ def test_where_all_are_refused_nothing_is_left():
 
 def test_chance_within_the_noise_refuses_nothing():
     assert held_against(0.0098, 0.0099).refused == ()
+
+
+def first(entries: list[RankedFit]) -> str:
+    return entries[0].fitted.hypothesis.label
+
+
+@pytest.mark.parametrize(
+    ("limit", "law", "granted"),
+    [
+        ("stiffness_error@a", ("iwan_joint@a",), False),
+        ("stiffness_error@a", ("stiffness_error@a", "coulomb_friction@a"), False),
+        # A slider is no error of a linear model, and two of these are no other law.
+        ("coulomb_friction@a", ("iwan_joint@a",), True),
+        ("stiffness_error@a", ("stiffness_error@a", "mass_error@b"), True),
+    ],
+)
+def test_a_linear_limit_may_be_granted_nothing(limit, law, granted):
+    """Four hundredths more are explained, less than what the model's own errors are granted."""
+    base, entries = entry(3.0), [entry(1.0, limit), entry(0.96, *law)]
+    assert first(ranked(base, entries)[1]) == limit
+    _, found = ranked(base, entries, beside_linear=False)
+    assert (first(found) == limit) is granted
+
+
+@pytest.mark.parametrize(
+    ("best", "rival", "taken", "asked", "named"),
+    [
+        ("stiffness_error@a", 0.96, 160.0, True, "iwan_joint@a"),
+        ("stiffness_error@a", 0.96, 40.0, True, "stiffness_error@a"),
+        ("stiffness_error@a", 1.01, 160.0, False, "stiffness_error@a"),
+        ("stiffness_error@b", 1.01, 160.0, False, "stiffness_error@b"),
+        ("coulomb_friction@a", 0.96, 160.0, False, "coulomb_friction@a"),
+    ],
+)
+def test_a_spring_that_leaves_what_no_linear_error_does_is_a_joint(
+    monkeypatch, best, rival, taken, asked, named
+):
+    """By what laws there take off in ten directions: 40 are nine nats of evidence at most."""
+    seen = []
+
+    def more(problem, fitted, place, places):
+        seen.append(place.label)
+        return Block(np.ones(10), np.full(10, taken / 10.0))
+
+    monkeypatch.setattr(unnamed, "more_there", more)
+    base, entries = ranked(entry(3.0), [entry(1.0, best), entry(rival, "iwan_joint@a")])
+    assert first(entries) == best
+    table = ModelSelection(True, base, tuple(entries), ())
+    places = [SimpleNamespace(label=label) for label in "ab"]
+    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, places=places)
+    assert first(list(unnamed.beside_linear(table, scope).entries)) == named
+    assert seen == ["a"] * asked
+    # A verdict that nothing is missing names nothing.
+    nothing = table._replace(detected=False)
+    assert unnamed.beside_linear(nothing, scope) is nothing

@@ -10,6 +10,7 @@ from two_masses import FINE, PLACES, RATE, Law, diagnosed
 import iwanjax as ij
 from iwanjax.discrepancy.findings import PlaceEvidence
 from iwanjax.discrepancy.histories import unnamed
+from iwanjax.discrepancy.histories.place_test import Block
 from iwanjax.discrepancy.histories.score_test import by_evidence, left_likely
 from iwanjax.discrepancy.judgement import Misfit, acting, beside_general_law, judged
 from iwanjax.effects.catalogue import kinds_in_time
@@ -226,7 +227,8 @@ def test_a_general_law_is_tried_where_a_name_leaves_more_than_noise(
         raise ZeroDivisionError
 
     monkeypatch.setattr(unnamed, "unnamed_law", law)
-    monkeypatch.setattr(unnamed, "more_there", lambda *args: 1000.0 * by_others)
+    more = Block(np.ones(1), np.array([1000.0 * by_others]))
+    monkeypatch.setattr(unnamed, "more_there", lambda *args: more)
     monkeypatch.setattr(unnamed, "left_by_noise", lambda problem: 1000.0)
     monkeypatch.setattr(unnamed, "misfit", lambda *args: Misfit(1.2, 1.0))
     run = SimpleNamespace(relative=1e-3, floor=1e-3, floor_95=1.1e-3), None
