@@ -27,11 +27,16 @@ from iwanjax.updating.density import (
 )
 from iwanjax.updating.posterior import TRUSTED, Posterior
 from iwanjax.updating.solution import FitSolution
+from iwanjax.updating.straightened import AlongRidges, Straightened
 
 # Steps to the first look at the autocorrelation; the next ones, and copies on disk, come after as
 # many or an eighth of the walk. At 15 000 steps one takes 4.8 s, as long as 600 steps of the
 # Brake-Reuss beam (17 variables, 48 walkers, two cores).
 _CHUNK = 250
+# Steps after which ridges are straightened by what the walk has seen of them, and again whenever it
+# is twice as long: ever rarer, as a walk that learns has to for its means to converge (Chimisov,
+# Latuszynski and Roberts, "Air Markov chain Monte Carlo", arXiv:1801.09309).
+_STRAIGHTENED = 1000
 # Autocorrelation times that are thrown away at a chain's beginning.
 _BURNT = 8.0
 # Where fewer proposals than this are taken, steps are half as long: of the Brake-Reuss beam's
@@ -60,7 +65,8 @@ def sample_posterior(
     or doubt about other modes), and the parameters' priors. All walkers
     are one vectorised, jitted evaluation; the moves are differential evolution with its
     jumps between modes (ter Braak 2006) and the stretch move, in variables in which the
-    ridges of microslip data are straight.
+    ridges of microslip data are straight, and from some steps on those that the walk has found
+    (:class:`~iwanjax.updating.straightened.Straightened`).
 
     Parameters
     ----------
@@ -132,8 +138,9 @@ def sample_posterior(
         while not chain.enough and sampler.backend.iteration < most_steps:
             sampler.random_state = state.random_state
             gone = sampler.backend.iteration
-            state = _walked(sampler, state, min(max(_CHUNK, gone // 8), most_steps - gone))
-            if sampler.backend.iteration == _CHUNK:
+            ahead = (2 * _straightened(gone) or _STRAIGHTENED) - gone
+            state = _walked(sampler, state, min(max(_CHUNK, gone // 8), ahead, most_steps - gone))
+            if sampler.backend.iteration in (_CHUNK, gone + ahead):
                 sampler = walking(sampler.backend)
             if kept:
                 kept.write(sampler.backend)
@@ -297,7 +304,8 @@ def _sampler(
 ) -> emcee.EnsembleSampler:
     """The walkers with their moves.
 
-    What was begun goes on with steps that its first ones have shown to be of a good length.
+    What was begun goes on with steps that its first ones have shown to be of a good length, along
+    the ridges that its later ones have seen.
     """
     step = 2.38 / math.sqrt(2.0 * size)  # ter Braak (2006), of a normal distribution
     if begun is not None and _taken(begun) < _RARE:
@@ -308,9 +316,19 @@ def _sampler(
         (emcee.moves.DEMove(gamma0=1.0), 0.1),
         (emcee.moves.StretchMove(), 0.1),
     ]
+    if begun is not None and (seen := _straightened(begun.iteration)):
+        points = np.asarray(begun.get_chain())[seen // 2 : seen].reshape(-1, size)
+        known = Straightened.of(points)
+        moves = [(AlongRidges(move, known), share) for move, share in moves]
     return emcee.EnsembleSampler(
         walkers, size, evaluate, vectorize=True, moves=moves, backend=begun
     )
+
+
+def _straightened(steps: int) -> int:
+    """The last number of steps after which ridges were straightened; 0 before the first."""
+    doublings = (steps // _STRAIGHTENED).bit_length() - 1
+    return _STRAIGHTENED << doublings if doublings >= 0 else 0
 
 
 def _taken(begun: emcee.backends.Backend) -> float:

@@ -16,6 +16,7 @@ from iwanjax.estimation.parameters import Chart, Parameter
 from iwanjax.joints import AbstractJoint
 from iwanjax.joints.iwan import AbstractIwan, phi_max_of, strength_of
 from iwanjax.quasistatic import QsmaSolution, qsma
+from iwanjax.signals.interpolate import cubic
 from iwanjax.structures import JointedStructure
 from iwanjax.structures.checks import finite_array
 from iwanjax.types import ArrayLike
@@ -24,7 +25,6 @@ from iwanjax.updating.background import (
     refuse_undamped,
     with_background,
 )
-from iwanjax.updating.interpolate import cubic
 from iwanjax.updating.joint_groups import owners
 from iwanjax.updating.microslip import IwanPlace, drop_of
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free

@@ -20,7 +20,7 @@ from iwanjax.quasistatic.coupled import TwoMotionTable, window_of
 from iwanjax.quasistatic.modal import Beside, ModalOscillator, about
 from iwanjax.quasistatic.single_harmonic import AbstractCyclic
 from iwanjax.settings.stages import settings
-from iwanjax.updating.interpolate import cubic
+from iwanjax.signals.interpolate import cubic
 
 # Of a sum over a cycle, over its largest term.
 _ROUNDING = 1e-10
