@@ -1,6 +1,7 @@
 """Variables in which the curved ridges that a walk has found are straight."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import emcee
@@ -30,14 +31,15 @@ class Straightened(NamedTuple):
     ----------
     mean : (variables,) array
         Of the points.
-    root : (variables, variables) array
-        Principal directions, each as long as the points' deviation along it.
+    root, inverse : (variables, variables) array
+        Principal directions, each as long as the points' deviation along it; and back.
     curved : (monomials, variables) array
         Coefficients of 1, p_j and p_i p_j, those of each p_k in column k.
     """
 
     mean: np.ndarray
     root: np.ndarray
+    inverse: np.ndarray
     curved: np.ndarray
 
     @classmethod
@@ -60,18 +62,23 @@ class Straightened(NamedTuple):
             + np.eye(len(products)) * np.where(own.T, _STRAIGHT, 1.0)[:, None, :]
         )
         curved = np.linalg.solve(least, np.where(own, along, 0.0).T[:, :, None])[..., 0].T
-        return cls(mean, root, curved)
+        return cls(mean, root, V / size / deviation[:, None], curved)
 
     def straight(self, y: _Points) -> _Points:
         """Points of the variables as the walk has them, in these."""
-        p = np.linalg.solve(self.root, (y - self.mean).T).T
+        p = (y - self.mean) @ self.inverse.T
         return p - _monomials(p) @ self.curved
 
     def as_given(self, u: _Points) -> _Points:
         """The inverse of :meth:`straight`."""
-        p = np.zeros_like(u)
-        for k in range(p.shape[1]):
-            p[:, k] = u[:, k] + _monomials(p[:, :k]) @ self.curved[: _count(k), k]
+        p, known = np.empty_like(u), np.ones((len(u), u.shape[1] + 1))
+        made = np.ones((len(u), len(self.curved)))
+        for k in range(u.shape[1]):
+            before, after = _count(k), _count(k + 1)
+            p[:, k] = u[:, k] + made[:, :before] @ self.curved[:before, k]
+            # As in _monomials, a coordinate after the other.
+            known[:, k + 1] = np.minimum(np.maximum(p[:, k], -_REACH), _REACH)
+            made[:, before:after] = known[:, k + 1, None] * known[:, : k + 2]
         return self.mean + p @ self.root.T
 
 
@@ -102,8 +109,14 @@ class AlongRidges(emcee.moves.RedBlueMove):
 def _monomials(p: _Points) -> Float[np.ndarray, "points monomials"]:
     """1, then of each coordinate in turn itself and its products with those up to it."""
     known = np.column_stack([np.ones(len(p)), np.clip(p, -_REACH, _REACH)])
-    i, j = np.tril_indices(known.shape[1])
+    i, j = _pairs(known.shape[1])
     return known[:, i] * known[:, j]
+
+
+@cache
+def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of numbers up to a count, each with those up to itself."""
+    return np.tril_indices(count)
 
 
 def _count(variables: int) -> int:

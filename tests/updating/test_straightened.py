@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from iwanjax.updating.straightened import AlongRidges, Straightened
 
-WIDTH, BEND = 0.03, 0.3
+WIDTH, BEND = 0.02, 0.08
 
 
 def bent(count: int, seed: int = 0) -> np.ndarray:
