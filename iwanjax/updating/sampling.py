@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
+from iwanjax.correlation import autocorrelation_times
 from iwanjax.errors import InputError
 from iwanjax.threads import available_threads
 from iwanjax.updating.density import (
@@ -30,8 +31,7 @@ from iwanjax.updating.solution import FitSolution
 from iwanjax.updating.straightened import AlongRidges, Straightened
 
 # Steps to the first look at the autocorrelation; the next ones, and copies on disk, come after as
-# many or an eighth of the walk. At 15 000 steps one takes 4.8 s, as long as 600 steps of the
-# Brake-Reuss beam (17 variables, 48 walkers, two cores).
+# many or an eighth of the walk.
 _CHUNK = 250
 # Steps after which ridges are straightened by what the walk has seen of them, and again whenever it
 # is twice as long: ever rarer, as a walk that learns has to for its means to converge (Chimisov,
@@ -190,7 +190,7 @@ class _Chain:
         for _ in range(2):  # The beginning is thrown away before the time is measured again.
             # Of a walker that has not moved yet it is no number.
             with np.errstate(invalid="ignore"):
-                tau = emcee.autocorr.integrated_time(whole[self.burnt :], tol=0, quiet=True)
+                tau = autocorrelation_times(whole[self.burnt :])
             self.tau = np.where(np.isfinite(tau) & (tau > 0), tau, steps)
             self.burnt = int(min(0.5 * steps, _BURNT * self.tau.max()))
         self.kept = whole[self.burnt :]

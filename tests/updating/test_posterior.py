@@ -20,6 +20,7 @@ import scipy.stats
 from updating.simulated import LEVELS, NAMES, TRUTH, clean, noisy
 
 import iwanjax as ij
+from iwanjax.correlation import autocorrelation_times
 from iwanjax.errors import InputError
 from iwanjax.estimation import LogNormal
 from iwanjax.updating import fit, modal_parameters, sampling
@@ -154,6 +155,19 @@ def test_summary_holds_the_numbers(posterior):
         width = np.diff(posterior.interval(name))[0]
         expected = [np.median(posterior.samples[name]), *posterior.interval(name)]
         assert told == pytest.approx(expected, abs=0.02 * width)
+
+
+@pytest.mark.parametrize("kept", [0.1, 0.9, 0.99])
+def test_autocorrelation_times_are_told_by_some_of_the_steps(kept):
+    """Of a first-order process, beside one that forgets at once."""
+    random, steps = np.random.default_rng(1), 20_000
+    x = random.standard_normal((steps, 30, 2))
+    for i in range(1, steps):
+        x[i, :, 0] = kept * x[i - 1, :, 0] + np.sqrt(1.0 - kept**2) * x[i, :, 0]
+    tau = autocorrelation_times(x[..., :1])
+    assert tau == pytest.approx([(1.0 + kept) / (1.0 - kept)], rel=0.1)
+    both = autocorrelation_times(x)
+    assert both == pytest.approx([(1.0 + kept) / (1.0 - kept), 1.0], rel=0.1)
 
 
 def test_too_few_steps_are_told():
