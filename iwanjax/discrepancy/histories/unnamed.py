@@ -46,7 +46,7 @@ def unnamed_law(
     table: ModelSelection,
     problem: HistoryProblem,
     scope: Scope,
-    there: Place | None = None,
+    there: Sequence[Place] = (),
 ) -> PlacedLaw:
     """The general law where it explains most, fitted to the free run.
 
@@ -58,13 +58,13 @@ def unnamed_law(
         Of the model without any of them.
     scope : Scope
         Places, and how long there is time.
-    there : Place, optional
-        The only place to try.
+    there : sequence of Place
+        The only places to try; by default where something acts most likely.
     """
     likely, begun = left_likely(table.places, scope.places), table.general
     if there:
-        likely = [there]
-        begun = begun if begun and begun.fit.place.label == there.label else None
+        likely = there
+        begun = begun if begun and begun.fit.place.label in [p.label for p in there] else None
     begun = begun or general_law(problem, table.nominal.fitted, table.entries, likely, scope)
     memories = (TIME_CONSTANT, problem.settings.selection.long_time_constant, math.inf)
     scope.progress(f"the general law at {begun.fit.place.label}, to the free run")
@@ -167,15 +167,15 @@ def beyond_names(
         None where a name explains the recordings, be it but those fitted, of which alone a law can
         learn; or where the law explains less than the names do.
     """
-    verdict, best, allowed, there = ended.verdict, ended.best, ended.allowed, None
+    verdict, best, allowed, there = ended.verdict, ended.best, ended.allowed, list[Place]()
     if not verdict.detected or not scope.in_time():
         return None
     named = misfit(best, best, allowed)
     enough = problem.settings.selection.misfit * left_by_noise(problem)
     explained = least(table.nominal.fitted, table.entries).cost < enough
     if named.largest <= AS_LIKELY_WRONG or explained:
-        there = _neighbour_at(table.best, scope) if verdict.found else None
-        if there is None:
+        there = _neighbours_at(table.best, scope) if verdict.found else []
+        if not there:
             return None
         # What a linear model may be off by is no part of this: only by how much noise scatters.
         allowed = math.sqrt(max(best[0].floor_95 ** 2 - best[0].floor ** 2, 0.0))
@@ -204,20 +204,23 @@ def beyond_names(
     return Beyond(now, kept, probability, after, placed.entry, force)
 
 
-def _neighbour_at(best: RankedFit, scope: Scope) -> Place | None:
-    """The place of what is suspected, where another law there may take off what it leaves."""
+def _neighbours_at(best: RankedFit, scope: Scope) -> list[Place]:
+    """Places of what is suspected, where another law may take off what it leaves."""
     hypothesis, left = best.fitted.hypothesis, best.fitted.cost / left_by_noise(best.problem)
     laws = all(isinstance(k, ForceKind) or getattr(k, "law", None) for k in hypothesis.kinds)
-    there = [place for place in scope.places if {place.label} == set(hypothesis.where)]
+    there = [place for place in scope.places if place.label in hypothesis.where]
     share = settings().judgement.more_there
-    if not laws or not there or left < 1.0 + share:
-        return None
-    # About what is far from the truth slopes do not tell what a law would take off.
+    if not laws or len(there) < len(set(hypothesis.where)) or left < 1.0 + share:
+        return []
+    # About what is far from the truth slopes do not tell what a law would take off; nor need all
+    # places be right where names at two of them are.
     if left > best.problem.settings.selection.misfit:
-        return there[0]
+        return there
+    if len(there) > 1:
+        return []
     scope.progress(f"what {hypothesis.label} leaves at its place")
     more = more_there(best.problem, best.fitted, there[0], scope.places).reduction
-    return there[0] if more > share * left_by_noise(best.problem) else None
+    return there if more > share * left_by_noise(best.problem) else []
 
 
 def beside_linear(table: ModelSelection, scope: Scope) -> ModelSelection:

@@ -208,16 +208,27 @@ def test_names_are_believed_as_far_as_a_general_law_leaves_them_their_misfit():
 
 
 @pytest.mark.parametrize(
-    ("left", "by_others", "tried"),
-    [(1.01, 0.5, False), (1.1, 0.01, False), (1.1, 0.05, True), (1.3, 0.0, True)],
+    ("where", "left", "by_others", "tried"),
+    [
+        ("a", 1.01, 0.5, False),
+        ("a", 1.1, 0.01, False),
+        ("a", 1.1, 0.05, True),
+        ("a", 1.3, 0.0, True),
+        # Two names at two places may be one law at one of them, which both are like.
+        ("ab", 1.1, 0.05, False),
+        ("ab", 1.3, 0.0, True),
+        # At a channel there is no law.
+        ("ac", 1.3, 0.0, False),
+    ],
 )
 def test_a_general_law_is_tried_where_a_name_leaves_more_than_noise(
-    monkeypatch, left, by_others, tried
+    monkeypatch, where, left, by_others, tried
 ):
     """Little more, and other laws do that; or much more, of which slopes tell nothing."""
-    place = Place("a", np.eye(3)[0], Scales(1e-3, 0.1))
+    places = [Place(name, np.eye(3)[i], Scales(1e-3, 0.1)) for i, name in enumerate("ab")]
     problem = SimpleNamespace(settings=HISTORIES)
-    hypothesis = SimpleNamespace(kinds=kinds_in_time()[:1], where=("a",), label="named@a")
+    kinds = kinds_in_time()[:1] * len(where)
+    hypothesis = SimpleNamespace(kinds=kinds, where=tuple(where), label="named")
     fitted = SimpleNamespace(hypothesis=hypothesis, cost=1000.0 * left, time_constant=math.inf)
     best = SimpleNamespace(problem=problem, fitted=fitted)
     asked = []
@@ -235,14 +246,14 @@ def test_a_general_law_is_tried_where_a_name_leaves_more_than_noise(
     verdict = judged(-1e4, (0.0,), Misfit(50.0, 60.0), Misfit(1.2, 1.0))
     ended = unnamed.Ended(verdict, run, run, 2e-3)
     table = SimpleNamespace(best=best, nominal=best, entries=[best])
-    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, places=[place])
+    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, places=places)
     known = table, problem, scope, ended, None
     if tried:
         with pytest.raises(ZeroDivisionError):
             unnamed.beyond_names(*known)
     else:
         assert unnamed.beyond_names(*known) is None
-    assert asked == [place] * tried
+    assert asked == [places[: len(where)]] * tried
 
 
 def test_a_law_is_tried_first_where_all_laws_together_explain_most():
