@@ -36,7 +36,7 @@ _CHUNK = 250
 # Steps after which ridges are straightened by what the walk has seen of them, and again whenever it
 # is twice as long: ever rarer, as a walk that learns has to for its means to converge (Chimisov,
 # Latuszynski and Roberts, "Air Markov chain Monte Carlo", arXiv:1801.09309).
-_STRAIGHTENED = 1000
+STRAIGHTENED_AFTER = 1000
 # Autocorrelation times that are thrown away at a chain's beginning.
 _BURNT = 8.0
 # Where fewer proposals than this are taken, steps are half as long: of the Brake-Reuss beam's
@@ -138,7 +138,7 @@ def sample_posterior(
         while not chain.enough and sampler.backend.iteration < most_steps:
             sampler.random_state = state.random_state
             gone = sampler.backend.iteration
-            ahead = (2 * _straightened(gone) or _STRAIGHTENED) - gone
+            ahead = (2 * _straightened(gone) or STRAIGHTENED_AFTER) - gone
             state = _walked(sampler, state, min(max(_CHUNK, gone // 8), ahead, most_steps - gone))
             if sampler.backend.iteration in (_CHUNK, gone + ahead):
                 sampler = walking(sampler.backend)
@@ -327,8 +327,8 @@ def _sampler(
 
 def _straightened(steps: int) -> int:
     """The last number of steps after which ridges were straightened; 0 before the first."""
-    doublings = (steps // _STRAIGHTENED).bit_length() - 1
-    return _STRAIGHTENED << doublings if doublings >= 0 else 0
+    doublings = (steps // STRAIGHTENED_AFTER).bit_length() - 1
+    return STRAIGHTENED_AFTER << doublings if doublings >= 0 else 0
 
 
 def _taken(begun: emcee.backends.Backend) -> float:

@@ -340,7 +340,7 @@ def test_an_interrupted_walk_goes_on_as_if_it_had_not_been(tmp_path, posterior):
 def test_a_walk_that_has_straightened_its_ridges_goes_on_along_them(tmp_path, monkeypatch):
     """What it was interrupted with is found again from the chain on disk."""
     plain = walk(most_steps=600, effective=10**6)
-    monkeypatch.setattr(sampling, "_STRAIGHTENED", 150)
+    monkeypatch.setattr(sampling, "STRAIGHTENED_AFTER", 150)
     file, whole = tmp_path / "chain.h5", walk(most_steps=600, effective=10**6)
     assert not np.array_equal(whole.chain[-1], plain.chain[-1])
     for most in (190, 450, 600):
