@@ -31,8 +31,11 @@ from iwanjax.updating.solution import FitSolution
 from iwanjax.updating.straightened import AlongRidges, Straightened
 
 # Steps to the first look at the autocorrelation; the next ones, and copies on disk, come after as
-# many or an eighth of the walk.
+# many or what seems to be missing.
 _CHUNK = 250
+# That within these parts of the walk so far: times grow with it, and a look takes as long as 40
+# steps of the Brake-Reuss beam's.
+_PARTS = 32, 8
 # Steps after which ridges are straightened by what the walk has seen of them, and again whenever it
 # is twice as long: ever rarer, as a walk that learns has to for its means to converge (Chimisov,
 # Latuszynski and Roberts, "Air Markov chain Monte Carlo", arXiv:1801.09309).
@@ -139,7 +142,7 @@ def sample_posterior(
             sampler.random_state = state.random_state
             gone = sampler.backend.iteration
             ahead = (2 * _straightened(gone) or STRAIGHTENED_AFTER) - gone
-            state = _walked(sampler, state, min(max(_CHUNK, gone // 8), ahead, most_steps - gone))
+            state = _walked(sampler, state, min(chain.missing, ahead, most_steps - gone))
             if sampler.backend.iteration in (_CHUNK, gone + ahead):
                 sampler = walking(sampler.backend)
             if kept:
@@ -183,7 +186,7 @@ class _Chain:
         steps, size = sampler.backend.iteration, sampler.ndim
         self.tau = np.full(size, np.inf)
         self.effective, self.burnt, self.enough = np.zeros(size), 0, False
-        self.kept = np.empty((0, sampler.nwalkers, size))
+        self.kept, self.missing = np.empty((0, sampler.nwalkers, size)), _CHUNK
         if not steps:
             return
         whole = np.asarray(sampler.get_chain())
@@ -195,8 +198,12 @@ class _Chain:
             self.burnt = int(min(0.5 * steps, _BURNT * self.tau.max()))
         self.kept = whole[self.burnt :]
         self.effective = self.kept.shape[0] * self.kept.shape[1] / self.tau
+        times = max(TRUSTED, wanted / sampler.nwalkers)
         long = self.kept.shape[0] > TRUSTED * self.tau.max()
         self.enough = bool(long and np.all(self.effective >= wanted))
+        missing = (times + _BURNT) * self.tau.max() - steps
+        least, most = (steps // part for part in _PARTS)
+        self.missing = max(_CHUNK, least, min(most, int(missing)))
 
 
 class _Kept:
