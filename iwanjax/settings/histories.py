@@ -165,7 +165,7 @@ class JointFaultSettings:
         Step of that logarithm by which derivatives are taken.
     """
 
-    thetas: tuple[float, ...] = (0.7, 0.4, 0.95)
+    thetas: tuple[float, ...] = (0.7, 0.4, 0.9)
     tried: int = 2
     places: int = 2
     guesses: int = 6

@@ -12,12 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from iwanjax.discrepancy.histories.joint_faults import (
+    Limits,
     best_of_each,
     compared,
     limited,
     stuck,
 )
 from iwanjax.discrepancy.histories.nested import begun_from
+from iwanjax.discrepancy.histories.place_test import gain_in_squares, like_no_linear_error
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -40,6 +42,7 @@ from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
+    foreseen,
     multistart,
 )
 from iwanjax.identification.places import Place
@@ -263,7 +266,8 @@ def appearing(
     An observer takes what differs from hit to hit, or the phase that a weak force shifts over
     many cycles, for errors of the state and corrects them away: with a short memory a drifting
     joint leaves no more than noise. Joints that stick, each a search of its own, are looked at
-    where all others leave something, as with the shorter memory.
+    where all others leave something, as with the shorter memory; and where little is left, but more
+    with a longer memory, which noise never does.
 
     Parameters
     ----------
@@ -283,12 +287,45 @@ def appearing(
         Refitted with the longer memory, the best first; none where nothing new is left.
     """
     settings, selection = problem.settings.slow_effects, problem.settings.selection
-    noise = left_by_noise(problem)
-    if now.cost < settings.left * noise or not scope.in_time():
-        return []
-    scope.progress("looking again with a longer memory")
+    noise, grown = left_by_noise(problem), now.cost - shortest.cost
     # Of all longer memories: what builds up over them is no less for having built up in steps.
     usual = max(shortest.cost, noise)
+    little = now.cost < settings.left * noise
+    if (little and grown < gain_in_squares(problem, now)) or not scope.in_time():
+        return []
+    scope.progress("looking again with a longer memory")
+    if little:
+        found = _sticking_a_little(problem, now, scope)
+    else:
+        found = _again_with(problem, now, entries, scope)
+        best = min([now.cost, *map(cost_of, found)])
+        if best > selection.misfit * usual:
+            limits = limited(problem, now, best, now.time_constant)
+            found += stuck(problem, now, limits, scope, now.time_constant)
+    enough = now.cost - settings.new_share * (now.cost - usual)
+    return placed([each for each in found if cost_of(each) < enough])
+
+
+def _sticking_a_little(
+    problem: HistoryProblem, now: HypothesisFit, scope: Scope
+) -> list[RankedFit]:
+    """Joints that stick, where no errors of the linear model do as much for what is left.
+
+    All other kinds have been looked for in as little: these have no column at size zero, as what
+    they do begins with the square of it.
+    """
+    (promised,) = foreseen(problem, [now.start], now.time_constant)
+    limits = Limits(now.cost, promised - gain_in_squares(problem, now))
+    found = stuck(problem, now, limits, scope, now.time_constant)
+    best = min(map(cost_of, found), default=math.inf)
+    return found if like_no_linear_error(problem, now, scope.places, best) else []
+
+
+def _again_with(
+    problem: HistoryProblem, now: HypothesisFit, entries: Sequence[RankedFit], scope: Scope
+) -> list[RankedFit]:
+    """Suspects known and the most promising ones, with the memory of a fit without any."""
+    settings, selection = problem.settings.slow_effects, problem.settings.selection
     least = selection.least_promise / evidence(problem, [now]).worth(now)
     starts = [c.start for c in scored(problem, now, scope)[: settings.refitted] if c.drop > least]
     known = [e.fitted.start for e in entries if e.problem is problem][: settings.known]
@@ -303,11 +340,4 @@ def appearing(
         at_most=settings.field,
         in_time=scope.in_time,
     )
-    best = min([now.cost, *(each.cost for each in fits)])
-    found = [RankedFit(problem, each) for each in fits]
-    if best > selection.misfit * usual:
-        found += stuck(
-            problem, now, limited(problem, now, best, now.time_constant), scope, now.time_constant
-        )
-    enough = now.cost - settings.new_share * (now.cost - usual)
-    return placed([each for each in found if cost_of(each) < enough])
+    return [RankedFit(problem, each) for each in fits]

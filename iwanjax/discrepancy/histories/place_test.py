@@ -17,10 +17,11 @@ from jaxtyping import Float
 
 from iwanjax.discrepancy.findings import PlaceEvidence
 from iwanjax.effects.catalogue import kinds_in_time
-from iwanjax.effects.kinds import ForceKind, Kind
+from iwanjax.effects.kinds import ForceKind
 from iwanjax.estimation.evidence import LEAST_GAIN, shares
 from iwanjax.identification.columns import columns, unit_effects
 from iwanjax.identification.free_values import free_values
+from iwanjax.identification.likelihood import evidence
 from iwanjax.identification.linearise import linearise
 from iwanjax.identification.multistart import HypothesisFit
 from iwanjax.identification.places import Place
@@ -289,22 +290,52 @@ def more_there(
         In squared deviations of the noise.
     """
     problem, base = _by_all_kinds(problem, base)
-    linear = [kind for kind in problem.predictor.kinds if kind.linear]
     others = [kind for kind in problem.predictor.kinds if not kind.linear]
+    made = columns(problem, base, unit_effects(problem, base, others, [place]))
+    made = made.reshape(len(made), base.residual.size)
+    return beyond_linear(problem, base, places).seen(made).block()
 
-    def made(kinds: Sequence[Kind], places: Sequence[Place]) -> np.ndarray:
-        units = unit_effects(problem, base, kinds, places)
-        return columns(problem, base, units).reshape(len(units), base.residual.size)
 
+def beyond_linear(
+    problem: HistoryProblem, base: HypothesisFit, places: Sequence[Place]
+) -> Remaining:
+    """What no error of the linear model's mass, damping and stiffness takes off a fit, of any size.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Predictor and data.
+    base : HypothesisFit
+        The fit.
+    places : sequence of Place
+        Where the linear model may be wrong.
+    """
+    problem, base = _by_all_kinds(problem, base)
+    linear = [kind for kind in problem.predictor.kinds if kind.linear]
     explained, _ = free_columns(problem, base)
-    errors = made(linear, places).T
+    units = unit_effects(problem, base, linear, places)
+    errors = columns(problem, base, units).reshape(len(units), base.residual.size).T
     errors = np.pad(errors, [(0, len(explained) - len(errors)), (0, 0)])
     explained = np.hstack([explained, errors[:, np.all(np.isfinite(errors), axis=0)]])
     size = np.linalg.norm(explained, axis=0)
     # An error at one place may do what another one does: only directions that there are.
     basis, strength, _ = np.linalg.svd(explained[:, size > 0.0] / size[size > 0.0], False)
-    basis = basis[:, strength > _DEPENDENT * strength[0]]
-    return Remaining.of(problem, base, basis).seen(made(others, [place])).block()
+    return Remaining.of(problem, base, basis[:, strength > _DEPENDENT * strength[0]])
+
+
+def like_no_linear_error(
+    problem: HistoryProblem, base: HypothesisFit, places: Sequence[Place], cost: float
+) -> bool:
+    """Whether what leaves a cost explains more of a fit's residual than errors of a linear model.
+
+    By the evidence that something missing has to have; errors of any size and number cost nothing.
+    """
+    return cost < beyond_linear(problem, base, places).square - gain_in_squares(problem, base)
+
+
+def gain_in_squares(problem: HistoryProblem, fitted: HypothesisFit) -> float:
+    """Squared residual that stands for the evidence that something missing has to have."""
+    return LEAST_GAIN * fitted.cost / evidence(problem, [fitted]).worth(fitted)
 
 
 def _by_all_kinds(

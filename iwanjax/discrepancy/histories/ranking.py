@@ -232,8 +232,8 @@ def ranked(
     entries : sequence of RankedFit
         With them.
     beside_linear : bool
-        Whether a law has to explain more than a linear limit of it by what the model's own errors
-        may be worth, as it has to beside any other.
+        Whether a law has to explain more than nothing, or than a linear limit of it, by what the
+        model's own errors may be worth, as it has to beside any other.
     """
     if not entries:
         return base, []
@@ -260,7 +260,8 @@ def _granted(
     """Log evidences of nothing and of entries, with what either is granted."""
     values = np.array(table.values)
     # For nothing the residual counts a little less: what the model's own errors are worth.
-    values[0] += MODEL_ERROR_ALLOWANCE * table.worth(base.fitted)
+    if beside_linear:
+        values[0] += MODEL_ERROR_ALLOWANCE * table.worth(base.fitted)
     # What has simpler kinds for its limits, or is two at once, has to explain so much more.
     for i, e in enumerate(same, 1):
         margin = MODEL_ERROR_ALLOWANCE * table.worth(e.fitted)

@@ -322,7 +322,7 @@ def _polished(
         if not close:
             late = distinct(appearing(base.problem, shortest, base.fitted, entries, scope))
             base, late = ranked(base, late)
-            close = finalists(base, late) if late and missing(base, late[0]) else []
+            close = finalists(base, late) if late else []
     base, close = ranked(base, none_worse(base, close, scope))
     return base, doubted(base.problem, close) if close else close
 

@@ -17,7 +17,7 @@ from iwanjax.discrepancy.histories.general_law import (
     motion_of,
 )
 from iwanjax.discrepancy.histories.likeness import described, nearest
-from iwanjax.discrepancy.histories.place_test import log_evidence, more_there
+from iwanjax.discrepancy.histories.place_test import like_no_linear_error, more_there
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
@@ -26,6 +26,7 @@ from iwanjax.discrepancy.histories.ranking import (
     doubted,
     least,
     linear,
+    missing,
     ranked,
 )
 from iwanjax.discrepancy.histories.score_test import left_likely
@@ -33,8 +34,8 @@ from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
 from iwanjax.effects.kinds import ForceKind, UnnamedKind
-from iwanjax.estimation.evidence import AS_LIKELY_WRONG, LEAST_GAIN
-from iwanjax.identification.likelihood import covariance, evidence, left_by_noise
+from iwanjax.estimation.evidence import AS_LIKELY_WRONG
+from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit
@@ -224,12 +225,13 @@ def _neighbours_at(best: RankedFit, scope: Scope) -> list[Place]:
 
 
 def beside_linear(table: ModelSelection, scope: Scope) -> ModelSelection:
-    """The same where the best name is linear and no error of a linear model does what others do.
+    """The same where nothing or a linear name is best and a law does what no linear error does.
 
-    What has it for a limit was ranked by what it takes off more than the model's own errors may be
-    worth (:func:`~iwanjax.discrepancy.histories.ranking.ranked`). Where those would have to be
-    errors of a linear model, and what these cannot do speaks for a law at that place, it is ranked
-    by all of it: a joint that hardly slips is no spring, though a spring leaves little.
+    Beside these a law was ranked by what it takes off more than the model's own errors may be worth
+    (:func:`~iwanjax.discrepancy.histories.ranking.ranked`). Where it leaves less than they do with
+    any errors of mass, damping and stiffness, it is ranked by all that it takes off: a joint that
+    hardly slips is no spring, though a spring leaves little; one that sticks a little is not
+    nothing.
 
     Parameters
     ----------
@@ -239,24 +241,19 @@ def beside_linear(table: ModelSelection, scope: Scope) -> ModelSelection:
         Places where the linear model may be wrong, and how long there is time.
     """
     best, memory = table.best, table.nominal.fitted.time_constant
-    if not table.detected or not linear(best) or not scope.in_time():
+    if (table.detected and not linear(best)) or not scope.in_time():
         return table
-    above = [e for e in table.entries if contains(e, best) and not linear(e)]
-    better = any(
-        e.fitted.time_constant == memory and e.fitted.cost < best.fitted.cost for e in above
-    )
-    where = best.fitted.hypothesis.where
-    there = [place for place in scope.places if {place.label} == set(where)]
-    if not better or not there:
+    laws = [e for e in table.entries if e.fitted.time_constant == memory and not linear(e)]
+    costs = [e.fitted.cost for e in laws if not table.detected or contains(e, best)]
+    if min(costs, default=math.inf) >= best.fitted.cost:
         return table
-    scope.progress(f"what {best.fitted.hypothesis.label} leaves at its place")
-    block = more_there(best.problem, best.fitted, there[0], scope.places)
-    known = evidence(best.problem, [best.fitted])
-    unit = 2.0 * known.temperature * known.tau
-    if log_evidence(block, unit, best.fitted.cost) < LEAST_GAIN:
+    scope.progress(f"what {best.fitted.hypothesis.label} leaves to errors of the linear model")
+    if not like_no_linear_error(best.problem, best.fitted, scope.places, min(costs)):
         return table
     base, entries = ranked(table.nominal, table.entries, beside_linear=False)
-    return table._replace(nominal=base, entries=tuple(doubted(best.problem, entries)))
+    found = missing(base, entries[0])
+    entries = doubted(best.problem, entries) if found else entries
+    return table._replace(detected=found, nominal=base, entries=tuple(entries))
 
 
 def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce:

@@ -5,7 +5,7 @@ import pytest
 from iwanjax.discrepancy.histories import further_suspects as long_memory
 from iwanjax.settings.histories import HISTORIES
 
-NOISE = 1000.0
+NOISE, GAIN = 1000.0, 24.0
 
 
 @pytest.fixture
@@ -16,10 +16,16 @@ def looked(monkeypatch):
         return SimpleNamespace(index=i, hypothesis=SimpleNamespace(variant=i))
 
     def run(
-        shortest: float, now: float, drops: list[float], suspects: list[float], known: int = 0
+        shortest: float,
+        now: float,
+        drops: list[float],
+        suspects: list[float],
+        known: int = 0,
+        sticking: tuple[float, ...] = (),
+        linear: float = 2000.0,
     ) -> list[float]:
         told = []
-        scope = SimpleNamespace(in_time=lambda: True, progress=told.append)
+        scope = SimpleNamespace(in_time=lambda: True, progress=told.append, places=())
         candidates = [SimpleNamespace(start=start(i), drop=drop) for i, drop in enumerate(drops)]
         monkeypatch.setattr(long_memory, "left_by_noise", lambda problem: NOISE)
         monkeypatch.setattr(long_memory, "scored", lambda *args: candidates)
@@ -36,7 +42,13 @@ def looked(monkeypatch):
             ],
         )
         monkeypatch.setattr(long_memory, "limited", lambda *args: None)
-        monkeypatch.setattr(long_memory, "stuck", lambda *args: [])
+        monkeypatch.setattr(long_memory, "foreseen", lambda *args: [now])
+        monkeypatch.setattr(long_memory, "gain_in_squares", lambda *args: GAIN)
+        monkeypatch.setattr(
+            long_memory, "like_no_linear_error", lambda *args: args[-1] < linear - GAIN
+        )
+        found = [SimpleNamespace(fitted=SimpleNamespace(cost=cost)) for cost in sticking]
+        monkeypatch.setattr(long_memory, "stuck", lambda *args: found)
         monkeypatch.setattr(long_memory, "placed", lambda entries: entries)
         problem = SimpleNamespace(settings=HISTORIES)
         entries = [
@@ -46,18 +58,33 @@ def looked(monkeypatch):
         found = long_memory.appearing(
             problem,
             SimpleNamespace(cost=shortest),
-            SimpleNamespace(cost=now, time_constant=40.0),
+            SimpleNamespace(cost=now, time_constant=40.0, start=None),
             entries,
             scope,
         )
-        assert bool(told) == (now >= 1.25 * NOISE)
+        assert bool(told) == (now >= 1.25 * NOISE or now - shortest > GAIN)
         return [entry.fitted.cost for entry in found]
 
     return run
 
 
-def test_what_is_little_more_than_noise_is_not_looked_into(looked):
+def test_in_what_is_little_more_than_noise_no_force_is_looked_for(looked):
     assert looked(900.0, 1200.0, [0.3], [900.0]) == []
+
+
+@pytest.mark.parametrize(
+    ("shortest", "linear", "found"),
+    [
+        (1020.0, 1030.0, [1000.0]),
+        # Noise does not grow with the memory; errors of the linear model may.
+        (1030.0, 1030.0, []),
+        (1020.0, 1020.0, []),
+    ],
+)
+def test_what_grows_with_the_memory_is_little_because_a_joint_sticks(
+    looked, shortest, linear, found
+):
+    assert looked(shortest, 1050.0, [], [], sticking=(1000.0,), linear=linear) == found
 
 
 def test_what_builds_up_in_small_steps_is_looked_into(looked):

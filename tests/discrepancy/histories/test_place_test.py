@@ -12,6 +12,8 @@ from iwanjax.discrepancy.findings import PlaceEvidence
 from iwanjax.discrepancy.histories.place_test import (
     Block,
     Remaining,
+    beyond_linear,
+    like_no_linear_error,
     log_evidence,
     more_there,
     places_by_evidence,
@@ -26,6 +28,7 @@ from iwanjax.discrepancy.histories.score_test import (
 from iwanjax.effects.catalogue import CATALOGUE, kinds_in_time
 from iwanjax.effects.kinds import Kind
 from iwanjax.identification.columns import columns, columns_at_rest, unit_effects
+from iwanjax.identification.likelihood import evidence
 from iwanjax.identification.linearise import linearise
 from iwanjax.identification.multistart import HypothesisFit, multistart
 from iwanjax.identification.places import Place
@@ -117,6 +120,15 @@ def test_what_other_laws_take_is_beyond_errors_of_the_linear_model_anywhere(pair
         "mass_error",
     }
     linear = beside(A, [k for k in kinds if k.linear], places)
+    left = beyond_linear(made, base, places).square
+    assert left == pytest.approx(least(linear, b), rel=1e-4)
+    # What is missing is a spring and a damper: nothing does more than these.
+    assert left < 0.1 * base.cost
+    # Twelve nats of evidence are asked beside them.
+    known = evidence(made, [base])
+    gain = 2.0 * 12.0 * known.temperature * known.tau
+    for share, more in ((1.01, True), (0.99, False)):
+        assert like_no_linear_error(made, base, places, left - share * gain) is more
     for place in places:
         whole = beside(linear, [k for k in kinds if not k.linear], [place])
         taken = least(linear, b) - least(whole, b)

@@ -7,7 +7,6 @@ import pytest
 from iwanjax.correlation import correlation_time
 from iwanjax.discrepancy.findings import PlaceEvidence
 from iwanjax.discrepancy.histories import unnamed
-from iwanjax.discrepancy.histories.place_test import Block
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
@@ -366,34 +365,56 @@ def test_a_linear_limit_may_be_granted_nothing(limit, law, granted):
     assert (first(found) == limit) is granted
 
 
-@pytest.mark.parametrize(
-    ("best", "rival", "taken", "asked", "named"),
-    [
-        ("stiffness_error@a", 0.96, 160.0, True, "iwan_joint@a"),
-        ("stiffness_error@a", 0.96, 40.0, True, "stiffness_error@a"),
-        ("stiffness_error@a", 1.01, 160.0, False, "stiffness_error@a"),
-        ("stiffness_error@b", 1.01, 160.0, False, "stiffness_error@b"),
-        ("coulomb_friction@a", 0.96, 160.0, False, "coulomb_friction@a"),
-    ],
-)
-def test_a_spring_that_leaves_what_no_linear_error_does_is_a_joint(
-    monkeypatch, best, rival, taken, asked, named
-):
-    """By what laws there take off in ten directions: 40 are nine nats of evidence at most."""
+def beside(monkeypatch, table: ModelSelection, linear: float) -> tuple[ModelSelection, list[str]]:
+    """What becomes of a table where errors of the linear model would leave so much."""
     seen = []
 
-    def more(problem, fitted, place, places):
-        seen.append(place.label)
-        return Block(np.ones(10), np.full(10, taken / 10.0))
+    def like_none(problem, fitted, places, cost):
+        seen.append(fitted.hypothesis.label)
+        return cost < N * (linear - 0.02)
 
-    monkeypatch.setattr(unnamed, "more_there", more)
+    monkeypatch.setattr(unnamed, "like_no_linear_error", like_none)
+    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, places=())
+    return unnamed.beside_linear(table, scope), seen
+
+
+@pytest.mark.parametrize(
+    ("best", "rival", "linear", "asked", "named"),
+    [
+        ("stiffness_error@a", 0.96, 0.99, True, "iwan_joint@a"),
+        ("stiffness_error@a", 0.96, 0.97, True, "stiffness_error@a"),
+        ("stiffness_error@a", 1.01, 0.99, False, "stiffness_error@a"),
+        ("stiffness_error@b", 1.01, 0.99, False, "stiffness_error@b"),
+        ("coulomb_friction@a", 0.96, 0.99, False, "coulomb_friction@a"),
+    ],
+)
+def test_what_does_more_than_any_linear_error_is_no_spring(
+    monkeypatch, best, rival, linear, asked, named
+):
+    """Two hundredths of these squares are the evidence that is asked for."""
     base, entries = ranked(entry(3.0), [entry(1.0, best), entry(rival, "iwan_joint@a")])
     assert first(entries) == best
     table = ModelSelection(True, base, tuple(entries), ())
-    places = [SimpleNamespace(label=label) for label in "ab"]
-    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, places=places)
-    assert first(list(unnamed.beside_linear(table, scope).entries)) == named
-    assert seen == ["a"] * asked
-    # A verdict that nothing is missing names nothing.
-    nothing = table._replace(detected=False)
-    assert unnamed.beside_linear(nothing, scope) is nothing
+    found, seen = beside(monkeypatch, table, linear)
+    assert first(list(found.entries)) == named
+    assert seen == [best] * asked
+
+
+@pytest.mark.parametrize(
+    ("law", "cost", "linear", "detected"),
+    [
+        ("stiction@a", 0.96, 0.99, True),
+        ("stiction@a", 0.96, 0.97, False),
+        # An error of the linear model is granted what all of them are.
+        ("stiffness_error@a", 0.96, 0.99, False),
+    ],
+)
+def test_what_does_more_than_any_linear_error_is_not_nothing(
+    monkeypatch, law, cost, linear, detected
+):
+    base, entries = ranked(entry(1.0), [entry(cost, law)])
+    assert not missing(base, entries[0])
+    table = ModelSelection(False, base, tuple(entries), ())
+    found, _ = beside(monkeypatch, table, linear)
+    assert found.detected is detected
+    assert missing(found.nominal, found.entries[0]) is detected
