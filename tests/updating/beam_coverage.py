@@ -58,7 +58,7 @@ def counts(lines: list[dict]) -> str:
     """A line for each number: held, determined, of so many draws."""
     held, determined = Counter(), Counter()
     for line in lines:
-        determined.update(line["off"])
+        determined.update(list(line["off"]))
         held.update(name for name, off in line["off"].items() if off < NINETY)
     return "\n".join(
         f"{name:14s} {held[name]:3d} of {count:3d} ({held[name] / count:.0%}), {len(lines)} draws"
