@@ -74,6 +74,7 @@ def general_law(
     entries: Sequence[RankedFit],
     places: Sequence[Place],
     scope: Scope,
+    further: Sequence[Place] = (),
 ) -> PlacedLaw:
     """The general law where it explains most, fitted with the shortest memory.
 
@@ -95,31 +96,47 @@ def general_law(
         The likeliest first.
     scope : Scope
         How long there is time.
+    further : sequence of Place
+        Less likely ones, where the law explains little at those.
     """
-    z, short = nominal.theta.mean(axis=0)[: problem.parameters], (SHORT_TIME_CONSTANT,)
-    tried, coarse = list[UnnamedFit](), False
-    for place in places[: problem.settings.selection.finalists]:
-        if tried and not scope.in_time():
+    most, far = problem.settings.selection.finalists, FAR * left_by_noise(problem)
+    likely, tried = places[:most], list[tuple[UnnamedFit, bool]]()
+    for place in [*likely, *further][:most]:
+        # Columns about joints that are bent tell less of where something acts than a fit does.
+        enough = len(tried) >= len(likely) and min(each.fitted.cost for each, _ in tried) < far
+        if tried and (enough or not scope.in_time()):
             break
-        scope.progress(f"a general law at {place.label}")
-        forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
-        starts = [z, problem.with_given_joints(z)]
-        for each in forces[:1]:
-            motion, force = _named_force(each.fitted, problem, place)
-            coarse |= place.stopped(motion.v, force, float(problem.predictor.dt))
-            strengths = nearest_strengths(place, motion, force, BANKS)[BANKS]
-            own = each.fitted.theta.mean(axis=0)[: problem.parameters]
-            starts.append(np.concatenate([own, strengths]))
-        begun = problem, UnnamedKind(), place, starts, short
-        tried.append(fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time))
-    first, *others = sorted(tried, key=lambda each: each.fitted.cost)
+        tried.append(_begun_at(place, problem, nominal, entries, scope))
+    first, *others = sorted((each for each, _ in tried), key=lambda each: each.fitted.cost)
     ended = [_best_way(first, problem, nominal, scope)]
-    if ended[0].fitted.cost > FAR * left_by_noise(problem):
-        others = [each.onward(short, STEPS, scope.in_time) for each in others]
+    if ended[0].fitted.cost > far:
+        others = [each.onward((SHORT_TIME_CONSTANT,), STEPS, scope.in_time) for each in others]
     ended += others
-    odds = _odds(ended)
+    odds, coarse = _odds(ended), any(stopped for _, stopped in tried)
     best = int(np.argmax(odds))
     return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]), coarse)
+
+
+def _begun_at(
+    place: Place,
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    entries: Sequence[RankedFit],
+    scope: Scope,
+) -> tuple[UnnamedFit, bool]:
+    """The law at a place after a few steps, and whether the best named force there stops it."""
+    scope.progress(f"a general law at {place.label}")
+    z = nominal.theta.mean(axis=0)[: problem.parameters]
+    forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
+    starts, stopped = [z, problem.with_given_joints(z)], False
+    for each in forces[:1]:
+        motion, force = _named_force(each.fitted, problem, place)
+        stopped = place.stopped(motion.v, force, float(problem.predictor.dt))
+        strengths = nearest_strengths(place, motion, force, BANKS)[BANKS]
+        own = each.fitted.theta.mean(axis=0)[: problem.parameters]
+        starts.append(np.concatenate([own, strengths]))
+    begun = problem, UnnamedKind(), place, starts, (SHORT_TIME_CONSTANT,)
+    return fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time), stopped
 
 
 def _best_way(

@@ -190,7 +190,7 @@ def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
     likely, near = by_evidence(places, scope.places), left_likely(places, scope.places)
     entries = further_laws(problem, base.fitted, shorts, entries, likely, len(near), scope)
     if least(base.fitted, entries).cost > far and near and scope.in_time():
-        law = partial(general_law, problem, base.fitted, entries, near, scope)
+        law = partial(general_law, problem, base.fitted, entries, near, scope, likely[len(near) :])
         general = attempted("looking for a law that has no name", law, None, failures)
     if general is not None:
         two = partial(as_two_laws, problem, general, scope)
