@@ -267,7 +267,7 @@ def appearing(
     many cycles, for errors of the state and corrects them away: with a short memory a drifting
     joint leaves no more than noise. Joints that stick, each a search of its own, are looked at
     where all others leave something, as with the shorter memory; and where little is left, but more
-    with a longer memory, which noise never does.
+    with a longer memory, with which noise leaves less.
 
     Parameters
     ----------
