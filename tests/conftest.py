@@ -23,9 +23,9 @@ import pytest
 
 from iwanjax.compiler import compile_quickly
 
-# Most of the tests' time is compilation, of what runs once. Notebooks' kernels and the tests' other
-# processes inherit it. Fewer optimisations: a tenth less here, while long runs lose a fifth.
-# Each kernel in one piece: both cores are busy, and pieces cost memory mappings (below).
+# Fewer optimisations in notebooks' kernels and the tests' other processes, which inherit it: a
+# tenth less here, while long runs lose a fifth. Each kernel in one piece: both cores are busy, and
+# pieces cost memory mappings (below).
 compile_quickly()
 os.environ["XLA_FLAGS"] = (
     "--xla_backend_optimization_level=1 --xla_cpu_parallel_codegen_split_count=1 "
@@ -56,6 +56,17 @@ def _few_mappings() -> Iterator[None]:
     if maps.exists() and maps.read_bytes().count(b"\n") > _MOST_MAPPINGS:
         jax.clear_caches()
         gc.collect()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Optimise kernels only of tests that compute for longer than they compile.
+
+    Most of the tests' time is compilation, of what runs once: without optimisation two fifths of
+    what it takes with it, while loops over time run two to three times as long.
+    """
+    computes = any(item.get_closest_marker(name) for name in ("computes", "long"))
+    jax.config.update("jax_disable_most_optimizations", not computes)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -68,7 +68,8 @@ def test_qsma_writes_numbers_and_pictures(study, tmp_path):
         "qsma.png",
     ]
     expected = qsma(three_mass(), [0, 1], np.geomspace(1e-3, 1e2, 9), 1e-4)
-    arrays = np.load(out / "qsma.npz")
+    with np.load(out / "qsma.npz") as file:
+        arrays = dict(file)
     assert_allclose(arrays["alpha"], expected.alpha, rtol=1e-12)
     assert_allclose(arrays["amplitude"], expected.q, rtol=1e-9)
     assert_allclose(arrays["frequency"], expected.curves.frequency, rtol=1e-9)

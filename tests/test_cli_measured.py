@@ -70,7 +70,8 @@ def test_curves_writes_numbers_and_pictures(curves):
     assert_allclose(mode["hits"][1]["damping_std"], expected.damping_std, rtol=1e-12)
     common = read_curves(out / "curves_mode1.npz", quantity="velocity")
     assert_allclose(common.frequency, mode["frequency"], rtol=1e-12)
-    arrays = np.load(out / "curves.npz")
+    with np.load(out / "curves.npz") as file:
+        arrays = dict(file)
     assert_allclose(arrays["mode1_hit1_damping"], expected.damping, rtol=1e-12)
     assert "1 held out" in result.stdout.splitlines()[0]
 
@@ -103,6 +104,7 @@ def test_the_report_stands_on_its_own(fitted):
     assert "<script" not in page
 
 
+@pytest.mark.computes
 def test_a_posterior_is_not_sampled_twice(study, tmp_path, monkeypatch):
     result = run("posterior", study, "--out", tmp_path)
     assert result.exit_code == 0, result.stderr

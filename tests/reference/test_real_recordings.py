@@ -42,6 +42,7 @@ def one_joint(nine_hits):
     return ij.fit("iwan4", nine_hits.weighted_hits)
 
 
+@pytest.mark.computes
 def test_nine_hits_predict_the_other_three_to_about_twice_their_repeatability(
     double_beam, nine_hits, one_joint
 ):

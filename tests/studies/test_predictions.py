@@ -110,6 +110,7 @@ def test_it_is_a_result_like_others(open_fit, tmp_path):
     assert figure.axes[0].get_ylabel() == "Acceleration a3 (m/s^2)"
 
 
+@pytest.mark.computes
 def test_bands_hold_as_many_samples_as_they_say():
     fit = known_fit(OPEN)
     truths = fit.only.solution.draws(8, seed=7)

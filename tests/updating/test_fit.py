@@ -153,6 +153,7 @@ def test_the_order_of_levels_and_the_unit_do_not_matter():
 # --- how sure it is -----------------------------------------------------------------------
 
 
+@pytest.mark.computes
 def test_covariance_is_the_scatter_of_fits_to_other_noise():
     found = [solution(seed) for seed in range(DATA_SETS)]
     z = np.array([[s.values[n] - getattr(TRUTH, n) for n in NAMES] for s in found])
@@ -198,6 +199,7 @@ def test_microslip_leaves_strength_open_and_says_so(seed):
     assert "These curves do not determine:" in summary or "Other minima" in summary
 
 
+@pytest.mark.computes
 def test_microslip_is_never_taken_for_macroslip():
     """Noise at the last levels looks like a kink just below them; 20 draws."""
     for seed in range(20):
@@ -251,6 +253,7 @@ def test_the_estimate_on_a_bound_is_the_least_within_it():
             assert abs(slope[i]) * found.std[name] < 1e-2 * chi2(found)
 
 
+@pytest.mark.computes
 def test_no_damping_beside_the_joint_is_found_on_the_bound_or_within_its_deviation():
     none = replace(TRUTH, zeta_0=0.0)
     resting = []

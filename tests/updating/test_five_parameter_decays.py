@@ -149,6 +149,7 @@ def test_without_memory_the_largest_amplitude_does_not_matter():
         np.testing.assert_allclose(found, plain, rtol=1e-7)
 
 
+@pytest.mark.computes
 @pytest.mark.parametrize(
     "theta",
     [pytest.param(x, marks=[] if x == 0.2 else pytest.mark.long) for x in THETAS],

@@ -88,6 +88,7 @@ def test_what_is_not_beaten_is_what_brute_force_leaves():
     assert not_beaten(np.full(3, np.inf), np.ones(3)).size == 0
 
 
+@pytest.mark.computes
 def test_no_sampled_set_beats_the_front_and_its_ends_are_single_fits(sampled):
     front = ij.pareto_front(sampled, points=5)
     f, zeta = front.frequency_rmsd, front.damping_rmsd

@@ -25,6 +25,7 @@ from iwanjax.discrepancy.histories.selection import ModelSelection
 
 # Chains of two masses: one set of kernels serves them all.
 NOTHING, FRICTION, RATE = 2, 94, 2048
+pytestmark = pytest.mark.computes
 RNG = np.random.default_rng(0)
 TWO = np.eye(2)
 ROWS = {"m1-ground": TWO[0], "m2-ground": TWO[1], "J1": np.array([-1.0, 1.0])}

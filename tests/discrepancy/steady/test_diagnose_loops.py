@@ -30,6 +30,7 @@ from iwanjax.identification.steady.loops import is_seen
 from iwanjax.plotting import plot_loops
 from iwanjax.signals.loop_histories import driven
 
+pytestmark = pytest.mark.computes
 GUESS = ij.Iwan4(F_S=7.0, K_T=1.2, chi=-0.3, beta=3.0)
 TRIED = ("stiffness_error", "cubic_stiffness", "coulomb_friction", "viscous_damping")
 
