@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 from linear_pair import (
+    JOINT,
     RATE,
+    ROWS,
     C,
     M,
     measured_force,
@@ -23,9 +25,13 @@ from linear_pair import (
 import iwanjax as ij
 from iwanjax.discrepancy import StudyRecording
 from iwanjax.discrepancy.histories.diagnose import diagnose_histories
-from iwanjax.discrepancy.histories.ranking import RankedFit
+from iwanjax.discrepancy.histories.prepared import PreparedStudy, about_fitted_joints, prepared
+from iwanjax.discrepancy.histories.ranking import RankedFit, Scope
 from iwanjax.discrepancy.histories.refitted import beyond_trust, corrected_model, modes_refitted
+from iwanjax.discrepancy.histories.restarts import nominal_fit
 from iwanjax.dynamics.parabolic_hold import hold
+from iwanjax.identification.joint_priors import joints_of
+from iwanjax.identification.likelihood import left_by_noise
 from iwanjax.identification.linearise import innovations, linearise
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
 from iwanjax.identification.predictor import predictor
@@ -34,7 +40,9 @@ from iwanjax.structures import JointedStructure, LinearStructure, LinearTrust
 
 PEAK, NOISE = 60.0, 1e-3
 TRUST = LinearTrust(frequencies=0.005, damping=0.2)
+AXES = {"m1": np.eye(2)[0], "m2": np.eye(2)[1]}
 OFF = np.array([0.006, -0.004]), np.array([0.25, -0.15])
+ONE_OFF = np.array([0.06, 0.0]), OFF[1]
 """Errors of the two modes' frequencies and damping, as logarithms."""
 
 
@@ -113,6 +121,58 @@ def test_the_linear_system_has_the_errors_and_the_observer_does_not():
     )
     gains = made.gains([made.empty()] * 2, np.stack([z, 0.0 * z]), SHORT_TIME_CONSTANT).gain
     np.testing.assert_array_equal(gains[0], gains[1])
+
+
+@pytest.fixture(scope="module")
+def study() -> PreparedStudy:
+    """A joint three tenths stiffer than given; errors are of the modes in which it sticks.
+
+    With a second frequency free, two modes and a joint would have any stiffness matrix there is.
+    """
+    joint = {"J1": (ROWS["J1"], ij.LinearSpring(k=JOINT / 1.3))}
+    return prepared(
+        JointedStructure(LinearStructure(M, C, stiffness_with_joint(0.0)), joint),
+        [StudyRecording("hit", recorded(*moved(*ONE_OFF))[0], measured_force(PEAK))],
+        RATE,
+        rows=AXES,
+        sensors=AXES,
+        inputs=AXES,
+        hypotheses=("cubic_stiffness",),
+        trust=LinearTrust(np.array([0.05, 0.0]), 0.2),
+    )
+
+
+def test_errors_are_of_the_modes_in_which_the_joints_stick(study):
+    """With the stiffness that they have: with another no error of a frequency makes up for it."""
+    true = np.linalg.eigvals(state_matrix(M, *moved(*ONE_OFF)[::-1]))
+    z = np.concatenate([ONE_OFF[0] / 0.05, ONE_OFF[1] / 0.2, [np.log(1.3) / 0.1]])
+    off = []
+    for k in (JOINT, JOINT / 1.3):
+        made = study.about([ij.LinearSpring(k=k)]).with_substeps(2).problem
+        A, _ = made.system(made.empty(), made.map.given(z))
+        off.append(np.abs(np.sort_complex(np.linalg.eigvals(A)) / np.sort_complex(true) - 1.0))
+    assert np.max(off[0]) < 1e-6
+    assert np.max(off[1]) > 1e-4
+
+
+def test_the_nominal_model_goes_over_to_the_modes_of_its_own_joints(study):
+    scope = Scope((), (), (), (), lambda: True, lambda line: None)
+    now = study.resolution.with_substeps(2)
+    nominal = nominal_fit(now.problem, scope, 0)
+    resolution, found, fitted = about_fitted_joints(study, now, nominal, scope)
+    assert nominal.cost > 1.1 * left_by_noise(now.problem)
+    assert fitted.cost < 1.02 * left_by_noise(now.problem)
+    (stiffness,) = np.asarray(found.problem.predictor.stiffness)
+    assert abs(stiffness / JOINT - 1.0) < 1e-3
+    assert resolution.with_substeps(2).problem.predictor.stiffness == stiffness
+    (joint,) = joints_of(found.problem.joints, jnp.asarray(fitted.theta[0, :5]))
+    assert isinstance(joint, ij.LinearSpring)
+    assert abs(float(joint.k) / JOINT - 1.0) < 1e-3
+    # Bent joints tell nothing of their own stiffness.
+    bent = replace(nominal, solution=replace(nominal.solution, cost=1e9))
+    assert about_fitted_joints(study, now, bent, scope)[1] is now
+    exact = replace(study, trust=LinearTrust(0.0, 0.0)).resolution.with_substeps(2)
+    assert about_fitted_joints(study, exact, nominal, scope)[1] is exact
 
 
 def test_only_what_is_uncertain_is_fitted():
@@ -196,14 +256,13 @@ def recordings() -> list[StudyRecording]:
 
 
 def diagnosed(recordings: list[StudyRecording], trust: LinearTrust | None) -> ij.Diagnosis:
-    axes = {"m1": np.eye(2)[0], "m2": np.eye(2)[1]}
     return diagnose_histories(
         model(joint=False),
         recordings,
         RATE,
-        rows=axes,
-        sensors=axes,
-        inputs=axes,
+        rows=AXES,
+        sensors=AXES,
+        inputs=AXES,
         hypotheses=("stiffness_error", "viscous_damping", "cubic_stiffness"),
         trust=trust,
     )

@@ -20,7 +20,7 @@ from iwanjax.discrepancy.findings import (
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.place_test import with_verdict
-from iwanjax.discrepancy.histories.prepared import prepared
+from iwanjax.discrepancy.histories.prepared import about_fitted_joints, prepared
 from iwanjax.discrepancy.histories.ranking import Scope, containing
 from iwanjax.discrepancy.histories.refitted import (
     beyond_trust,
@@ -28,7 +28,7 @@ from iwanjax.discrepancy.histories.refitted import (
     joints_refitted,
     modes_refitted,
 )
-from iwanjax.discrepancy.histories.restarts import FAR
+from iwanjax.discrepancy.histories.restarts import FAR, nominal_fit
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.unnamed import Ended, beside_linear, beyond_names
@@ -74,7 +74,8 @@ def diagnose_histories(
 
     Predictions are innovations: an observer corrects the state after every sample, and its
     gain is designed anew for every set of parameters. First the joints are refitted, from
-    several starts, with a memory of two, then eight cycles. Then every kind at every place is
+    several starts, with a memory of two, then eight cycles, and errors of the linear model are
+    referred to the modes in which these joints stick. Then every kind at every place is
     judged at size zero by what it would take off the residual beyond what the joints can; the
     best are refitted with the joints, and the best of these with longer and longer memory up to
     the free run. A free decay's state at its beginning is estimated with everything else. Constant
@@ -143,7 +144,6 @@ def diagnose_histories(
     )
     resolution, recordings, places = study.resolution, study.recordings, study.rows
     now = resolution.of_model()
-    shapes = np.asarray(now.modal.Phi)
     known = now.problem.settings.selection
 
     def in_time(share: float = 1.0) -> bool:
@@ -151,7 +151,7 @@ def diagnose_histories(
 
     scope = Scope(
         study.kinds,
-        study.places(now.problem, shapes),
+        (),
         tuple(sensors),
         tuple(structure.labels),
         lambda: in_time(known.searched),
@@ -160,7 +160,11 @@ def diagnose_histories(
         tuple(inputs),
         outside=study.outside,
     )
-    table = selection.run(now.problem, scope, seed)
+    progress("refitting the joints")
+    nominal = nominal_fit(now.problem, scope, seed)
+    resolution, now, nominal = about_fitted_joints(study, now, nominal, scope)
+    scope = replace(scope, places=study.places(now.problem, np.asarray(now.modal.Phi)))
+    table = selection.run(now.problem, nominal, scope, seed)
     complete, scope = scope.in_time(), replace(scope, in_time=in_time)
     if not complete and scope.in_time():
         progress("the time for the search is over: what it has found so far is polished")

@@ -8,18 +8,23 @@ from functools import cached_property, partial
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.histories.time_steps import StepRefinement
+from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, Scope
+from iwanjax.discrepancy.histories.restarts import FAR
+from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.effects.catalogue import kinds_in_time, limits_outside, sensor_faults_of
 from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.errors import InputError
 from iwanjax.identification.conditioning import require_usable
 from iwanjax.identification.initial_state import initial_state, unsteady
-from iwanjax.identification.joint_priors import Joint
+from iwanjax.identification.joint_priors import Joint, joints_of
+from iwanjax.identification.likelihood import left_by_noise
+from iwanjax.identification.multistart import HypothesisFit, multistart
 from iwanjax.identification.offsets import without_offsets
 from iwanjax.identification.places import Place, followed, places_of
 from iwanjax.identification.predictor import Quantity, predictor
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.recordings import StudyRecording, with_force_noise, with_noise
+from iwanjax.joints import AbstractJoint
 from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
@@ -73,8 +78,19 @@ class PreparedStudy:
     @cached_property
     def resolution(self) -> StepRefinement:
         """The recordings with any number of steps between samples."""
-        structure = self.structure
-        ones = (Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in structure.elements)
+        return self.about(self.structure.elements)
+
+    def about(self, elements: Sequence[AbstractJoint]) -> StepRefinement:
+        """The same in the modes that the structure has where these joints stick, not its own.
+
+        What is trusted of frequencies and damping is trusted of these modes. What is known of the
+        joints beforehand stays as it is.
+        """
+        given = self.structure
+        own = zip(np.asarray(given.rows), elements, strict=True)
+        joints = dict(zip(given.labels, own, strict=True))
+        structure = JointedStructure(given.structure, joints)
+        ones = (Joint(j, jax.device_put(np.ones(len(j.parameters)))) for j in given.elements)
         rows_in, rows_out = (_rows(each) for each in (self.inputs, self.sensors))
         made = partial(
             predictor,
@@ -94,6 +110,40 @@ class PreparedStudy:
         """Places that move in some mode, with what they did; (coordinates, modes) shapes."""
         moving = {name: row @ shapes for name, row in self.rows.items() if np.any(row @ shapes)}
         return places_of(problem, followed(problem), moving)
+
+
+def about_fitted_joints(
+    study: PreparedStudy, now: Refined, nominal: HypothesisFit, scope: Scope
+) -> tuple[StepRefinement, Refined, HypothesisFit]:
+    """The nominal model, errors of its linear part those of the modes that it has itself.
+
+    What a linear test shows, and what a model's frequencies are trusted for, are modes in which
+    joints stick, whatever stiffness they have. With that of joints as given these modes have other
+    shapes, and no errors of their frequencies make up for it. All stays where no such errors are
+    fitted, where joints are bent to explain something else, and where it explains no more.
+
+    Parameters
+    ----------
+    study : PreparedStudy
+        With its joints as given.
+    now : Refined
+        Recordings in the modes of these.
+    nominal : HypothesisFit
+        The model with its joints refitted.
+    scope : Scope
+        How long there is time.
+    """
+    problem, kept = now.problem, (study.resolution, now, nominal)
+    sure = nominal.cost < FAR * left_by_noise(problem)
+    if not (problem.predictor.errors and problem.joints and sure and scope.in_time()):
+        return kept
+    z = jax.device_put(nominal.theta.mean(axis=0)[: problem.parameters])
+    resolution = study.about(joints_of(problem.joints, z))
+    moved = resolution.with_substeps(problem.predictor.substeps)
+    (found,) = multistart(
+        moved.problem, [nominal.start], TIME_CONSTANT, STEPS, in_time=scope.in_time
+    )
+    return (resolution, moved, found) if found.cost < nominal.cost else kept
 
 
 def prepared(

@@ -39,7 +39,6 @@ from iwanjax.discrepancy.histories.ranking import (
 from iwanjax.discrepancy.histories.restarts import (
     FAR,
     OUT_OF_SIGHT,
-    nominal_fit,
     renominated,
     restarted,
 )
@@ -106,21 +105,21 @@ class ModelSelection(NamedTuple):
         return self._replace(entries=tuple(sorted(self.entries, key=lambda e: -e.behind)))
 
 
-def run(problem: HistoryProblem, scope: Scope, seed: int) -> ModelSelection:
+def run(problem: HistoryProblem, nominal: HypothesisFit, scope: Scope, seed: int) -> ModelSelection:
     """The whole competition with the memory that fits are compared with.
 
     Parameters
     ----------
     problem : HistoryProblem
         Predictor and data.
+    nominal : HypothesisFit
+        The model with its joints refitted.
     scope : Scope
         What may be suspected.
     seed : int
         Of the starts.
     """
     known, far = problem.settings.selection, FAR * left_by_noise(problem)
-    scope.progress("refitting the joints")
-    nominal = nominal_fit(problem, scope, seed)
     if not scope.in_time():
         return ModelSelection(False, RankedFit(problem, nominal), (), ())
     scope.progress("screening kinds and places")
