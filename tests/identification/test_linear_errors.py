@@ -157,7 +157,7 @@ def test_errors_are_of_the_modes_in_which_the_joints_stick(study):
 
 def test_the_nominal_model_goes_over_to_the_modes_of_its_own_joints(study):
     scope = Scope((), (), (), (), lambda: True, lambda line: None)
-    now = study.resolution.with_substeps(2)
+    now = study.resolution.with_substeps(2).leaving(0.5)
     nominal = nominal_fit(now.problem, scope, 0)
     resolution, found, fitted = about_fitted_joints(study, now, nominal, scope)
     assert nominal.cost > 1.1 * left_by_noise(now.problem)
@@ -168,6 +168,7 @@ def test_the_nominal_model_goes_over_to_the_modes_of_its_own_joints(study):
     (joint,) = joints_of(found.problem.joints, jnp.asarray(fitted.theta[0, :5]))
     assert isinstance(joint, ij.LinearSpring)
     assert abs(float(joint.k) / JOINT - 1.0) < 1e-3
+    assert found.sides.left_by_steps == 0.5
     # Bent joints tell nothing of their own stiffness.
     bent = replace(nominal, solution=replace(nominal.solution, cost=1e9))
     assert about_fitted_joints(study, now, bent, scope)[1] is now

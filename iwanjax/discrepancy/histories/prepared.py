@@ -85,6 +85,11 @@ class PreparedStudy:
 
         What is trusted of frequencies and damping is trusted of these modes. What is known of the
         joints beforehand stays as it is.
+
+        Parameters
+        ----------
+        elements : sequence of AbstractJoint
+            One for each of the structure's joints, in their order.
         """
         given = self.structure
         own = zip(np.asarray(given.rows), elements, strict=True)
@@ -139,7 +144,7 @@ def about_fitted_joints(
         return kept
     z = jax.device_put(nominal.theta.mean(axis=0)[: problem.parameters])
     resolution = study.about(joints_of(problem.joints, z))
-    moved = resolution.with_substeps(problem.predictor.substeps)
+    moved = resolution.with_substeps(problem.predictor.substeps).leaving(now.sides.left_by_steps)
     (found,) = multistart(
         moved.problem, [nominal.start], TIME_CONSTANT, STEPS, in_time=scope.in_time
     )
