@@ -1,5 +1,6 @@
 """Noise of a recording's sensors, how it was estimated, and between which bounds it is."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from iwanjax.signals.one_step import one_step_errors
 GIVEN, BEFORE_FORCE = "as given", "before the force"
 BETWEEN_PERIODS, QUIET_BANDS = "between periods", "in quiet bands"
 WHOLE_BAND, ONE_STEP = "over the whole band", "one step ahead"
+BESIDE_MODEL = "beside the fitted model"
 OUTRIGHT = BEFORE_FORCE, BETWEEN_PERIODS
 """Sources that hold all that is not motion, and nothing else."""
 
@@ -28,7 +30,7 @@ class SensorNoise(NamedTuple):
         Degrees of freedom of its square; infinite where the study gives it.
     source : tuple of str
         Of each sensor: as given, before the force, between periods, over the whole band, one step
-        ahead, or in quiet bands.
+        ahead, in quiet bands, or beside the fitted model.
     lower, upper : (sensors,) array
         Deviations between which it is: in quiet bands or one step ahead, and all that no linear
         model of a few modes explains. The deviation itself where nothing else is in it.
@@ -39,6 +41,11 @@ class SensorNoise(NamedTuple):
     source: tuple[str, ...]
     lower: np.ndarray
     upper: np.ndarray
+
+    @property
+    def open(self) -> np.ndarray:
+        """Of which sensors it is told beside their motion only, (sensors,)."""
+        return ~np.isin(self.source, (GIVEN, *OUTRIGHT))
 
     def where(self, better: np.ndarray, other: "SensorNoise") -> "SensorNoise":
         """The other one's where that is better, (sensors,)."""
@@ -127,6 +134,56 @@ def along_motion(
         upper=np.fmax(whole.deviation, bound.deviation),
     )
     return bound.where(smooth & errors.steady, SensorNoise.of(whole, WHOLE_BAND))
+
+
+def beside_model(
+    known: SensorNoise,
+    left: Float[np.ndarray, "N sensors"],
+    settings: ConditioningSettings = CONDITIONING,
+) -> SensorNoise:
+    """Noise of sensors by what a model leaves of them, where that is like noise.
+
+    Beside the motion of a structure coloured noise may be known from below only. What a model
+    leaves holds none of the motion that it explains: where no band of it stands out, as modes do,
+    all of it is noise of some colour, or nothing that can be told from that.
+
+    Parameters
+    ----------
+    known : SensorNoise
+        By the recording alone; what is given or was measured where nothing moves stays.
+    left : (N, sensors) array
+        Measured less predicted; NaN throughout for a sensor that is lacking.
+    settings : ConditioningSettings
+        Of the stage.
+    """
+    # Beside no force: what is left of the answers to one is an error of the model.
+    told = along_motion(left, None, settings)
+    alike = known.open & (np.array(told.source) == WHOLE_BAND)
+    level = NoiseLevel(told.deviation, told.freedom)
+    return known.where(alike, SensorNoise.of(level, BESIDE_MODEL))
+
+
+def like_others(known: SensorNoise, others: Sequence[SensorNoise]) -> SensorNoise:
+    """Noise of a recording's sensors as beside the model in others, within its own bounds.
+
+    Parameters
+    ----------
+    known : SensorNoise
+        By the recording alone; what is given or was measured where nothing moves stays.
+    others : sequence of SensorNoise
+        Of recordings that a model was fitted to.
+    """
+    beside = np.array([each.source for each in others]) == BESIDE_MODEL
+    count = np.sum(beside, axis=0)
+    square, freedom = (
+        np.sum(np.where(beside, x, 0.0), axis=0) / np.maximum(count, 1)
+        for x in (
+            [each.deviation**2 for each in others],
+            [each.freedom for each in others],
+        )
+    )
+    level = NoiseLevel(np.clip(np.sqrt(square), known.lower, known.upper), freedom)
+    return known.where(known.open & (count > 0), SensorNoise.of(level, BESIDE_MODEL))
 
 
 def in_compared_band(

@@ -25,7 +25,12 @@ from linear_pair import (
 import iwanjax as ij
 from iwanjax.discrepancy import StudyRecording
 from iwanjax.discrepancy.histories.diagnose import diagnose_histories
-from iwanjax.discrepancy.histories.prepared import PreparedStudy, about_fitted_joints, prepared
+from iwanjax.discrepancy.histories.prepared import (
+    Begun,
+    PreparedStudy,
+    about_fitted_joints,
+    prepared,
+)
 from iwanjax.discrepancy.histories.ranking import RankedFit, Scope
 from iwanjax.discrepancy.histories.refitted import beyond_trust, corrected_model, modes_refitted
 from iwanjax.discrepancy.histories.restarts import nominal_fit
@@ -159,7 +164,10 @@ def test_the_nominal_model_goes_over_to_the_modes_of_its_own_joints(study):
     scope = Scope((), (), (), (), lambda: True, lambda line: None)
     now = study.resolution.with_substeps(2).leaving(0.5)
     nominal = nominal_fit(now.problem, scope, 0)
-    resolution, found, fitted = about_fitted_joints(study, now, nominal, scope)
+    begun = Begun(study, study.resolution, now, nominal)
+    _, resolution, found, fitted = about_fitted_joints(
+        study, begun, RankedFit(now.problem, nominal), scope
+    )
     assert nominal.cost > 1.1 * left_by_noise(now.problem)
     assert fitted.cost < 1.02 * left_by_noise(now.problem)
     (stiffness,) = np.asarray(found.problem.predictor.stiffness)
@@ -171,9 +179,10 @@ def test_the_nominal_model_goes_over_to_the_modes_of_its_own_joints(study):
     assert found.sides.left_by_steps == 0.5
     # Bent joints tell nothing of their own stiffness.
     bent = replace(nominal, solution=replace(nominal.solution, cost=1e9))
-    assert about_fitted_joints(study, now, bent, scope)[1] is now
+    assert about_fitted_joints(study, begun, RankedFit(now.problem, bent), scope) is begun
     exact = replace(study, trust=LinearTrust(0.0, 0.0)).resolution.with_substeps(2)
-    assert about_fitted_joints(study, exact, nominal, scope)[1] is exact
+    begun = Begun(study, study.resolution, exact, nominal)
+    assert about_fitted_joints(study, begun, RankedFit(exact.problem, nominal), scope) is begun
 
 
 def test_only_what_is_uncertain_is_fitted():

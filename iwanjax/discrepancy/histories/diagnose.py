@@ -20,7 +20,7 @@ from iwanjax.discrepancy.findings import (
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.place_test import with_verdict
-from iwanjax.discrepancy.histories.prepared import about_fitted_joints, prepared
+from iwanjax.discrepancy.histories.prepared import prepared, searched
 from iwanjax.discrepancy.histories.ranking import Scope, containing
 from iwanjax.discrepancy.histories.refitted import (
     beyond_trust,
@@ -28,7 +28,7 @@ from iwanjax.discrepancy.histories.refitted import (
     joints_refitted,
     modes_refitted,
 )
-from iwanjax.discrepancy.histories.restarts import FAR, nominal_fit
+from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.discrepancy.histories.restoring import restoring_force
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.unnamed import Ended, beside_linear, beyond_names
@@ -47,6 +47,7 @@ from iwanjax.identification.estimates import estimates
 from iwanjax.identification.likelihood import left_by_noise
 from iwanjax.identification.predictor import Quantity
 from iwanjax.identification.recordings import StudyRecording
+from iwanjax.settings.stages import settings
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.threads import one_thread
 from iwanjax.types import ArrayLike, require_double_precision
@@ -142,9 +143,7 @@ def diagnose_histories(
         noise=noise,
         trust=trust,
     )
-    resolution, recordings, places = study.resolution, study.recordings, study.rows
-    now = resolution.of_model()
-    known = now.problem.settings.selection
+    known = settings().histories.selection
 
     def in_time(share: float = 1.0) -> bool:
         return time.perf_counter() - started < share * budget
@@ -160,11 +159,8 @@ def diagnose_histories(
         tuple(inputs),
         outside=study.outside,
     )
-    progress("refitting the joints")
-    nominal = nominal_fit(now.problem, scope, seed)
-    resolution, now, nominal = about_fitted_joints(study, now, nominal, scope)
-    scope = replace(scope, places=study.places(now.problem, np.asarray(now.modal.Phi)))
-    table = selection.run(now.problem, nominal, scope, seed)
+    (study, resolution, now, _), scope, table = searched(study, scope, seed)
+    recordings, places = study.recordings, study.rows
     complete, scope = scope.in_time(), replace(scope, in_time=in_time)
     if not complete and scope.in_time():
         progress("the time for the search is over: what it has found so far is polished")
