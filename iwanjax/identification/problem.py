@@ -195,7 +195,7 @@ class HistoryProblem:
         return self.data.response.shape[0]
 
     def with_steps_of(self, other: "HistoryProblem") -> "HistoryProblem":
-        """These joints on the steps between samples of another search for the same data."""
+        """These joints on another search for the same recordings, with its steps and its noise."""
         predictor = eqx.tree_at(
             lambda p: (p.joints, p.stiffness, p.within),
             other.predictor,
@@ -205,6 +205,7 @@ class HistoryProblem:
             self,
             predictor=predictor,
             data=other.data,
+            noise=other.noise,
             forces=other.forces,
             driven=other.driven,
             compiled=set(),

@@ -347,6 +347,12 @@ def period_of(force: Float[np.ndarray, "N inputs"], repeats: float, least: int) 
     return N
 
 
+def deviation_in_band(noise: Float[np.ndarray, "N sensors"]) -> np.ndarray:
+    """Deviation of white noise with as much power in the band that is compared, (sensors,)."""
+    spectrum = np.fft.rfft(noise, axis=0)[1 : int(END * len(noise))]
+    return np.sqrt(np.mean(np.abs(spectrum) ** 2, axis=0) / len(noise))
+
+
 def of_rounding(response: Float[np.ndarray, "N sensors"]) -> np.ndarray:
     """Deviation of a converter's rounding, (sensors,): its step over the root of twelve.
 

@@ -8,7 +8,14 @@ from jaxtyping import Float
 
 from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
 from iwanjax.signals.clipping import clipped
-from iwanjax.signals.noise import CHANCE, NoiseInBands, NoiseLevel, exceeded, in_bands
+from iwanjax.signals.noise import (
+    CHANCE,
+    NoiseInBands,
+    NoiseLevel,
+    deviation_in_band,
+    exceeded,
+    in_bands,
+)
 from iwanjax.signals.one_step import one_step_errors
 
 GIVEN, BEFORE_FORCE = "as given", "before the force"
@@ -159,7 +166,8 @@ def beside_model(
     # Beside no force: what is left of the answers to one is an error of the model.
     told = along_motion(left, None, settings)
     alike = known.open & (np.array(told.source) == WHOLE_BAND)
-    level = NoiseLevel(told.deviation, told.freedom)
+    # All of it, with the slow part that local models would explain as well.
+    level = NoiseLevel(deviation_in_band(left), told.freedom)
     return known.where(alike, SensorNoise.of(level, BESIDE_MODEL))
 
 

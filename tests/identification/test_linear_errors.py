@@ -166,7 +166,7 @@ def test_the_nominal_model_goes_over_to_the_modes_of_its_own_joints(study):
     nominal = nominal_fit(now.problem, scope, 0)
     begun = Begun(study, study.resolution, now, nominal)
     _, resolution, found, fitted = about_fitted_joints(
-        study, begun, RankedFit(now.problem, nominal), scope
+        begun, RankedFit(now.problem, nominal), scope
     )
     assert nominal.cost > 1.1 * left_by_noise(now.problem)
     assert fitted.cost < 1.02 * left_by_noise(now.problem)
@@ -179,10 +179,10 @@ def test_the_nominal_model_goes_over_to_the_modes_of_its_own_joints(study):
     assert found.sides.left_by_steps == 0.5
     # Bent joints tell nothing of their own stiffness.
     bent = replace(nominal, solution=replace(nominal.solution, cost=1e9))
-    assert about_fitted_joints(study, begun, RankedFit(now.problem, bent), scope) is begun
+    assert about_fitted_joints(begun, RankedFit(now.problem, bent), scope) is begun
     exact = replace(study, trust=LinearTrust(0.0, 0.0)).resolution.with_substeps(2)
     begun = Begun(study, study.resolution, exact, nominal)
-    assert about_fitted_joints(study, begun, RankedFit(exact.problem, nominal), scope) is begun
+    assert about_fitted_joints(begun, RankedFit(exact.problem, nominal), scope) is begun
 
 
 def test_only_what_is_uncertain_is_fitted():

@@ -9,8 +9,15 @@ import numpy as np
 import pytest
 
 from iwanjax.signals.comparison_band import END
-from iwanjax.signals.noise import between_periods, of_rounding
-from iwanjax.signals.sensor_noise import SensorNoise, along_motion
+from iwanjax.signals.noise import NoiseLevel, between_periods, of_rounding
+from iwanjax.signals.sensor_noise import (
+    BESIDE_MODEL,
+    GIVEN,
+    SensorNoise,
+    along_motion,
+    beside_model,
+    like_others,
+)
 
 N, PERIODS = 4000, 4
 T = np.arange(N)
@@ -183,3 +190,42 @@ def test_clipped_samples_spoil_no_estimate():
     assert np.mean(np.abs(clean) > limit) > 0.05
     assert WITHIN[0] < found.deviation[0] / in_band(noise) < WITHIN[1]
     assert found.upper[0] > 5.0 * in_band(noise)
+
+
+@pytest.mark.parametrize("colour", ["white", "half pink"])
+@pytest.mark.parametrize("kind", FORCES)
+def test_noise_is_what_a_model_leaves_unless_modes_stand_out_of_it(kind, colour):
+    """Of a right model; of one that lacks a share of the cubic spring it stays what it was."""
+    force = force_of(kind)
+    k3 = cubic(force)
+    clean, random = driven(force, k3), np.random.default_rng(8)
+    noise = SHARE * np.std(clean) * noise_of_colour(colour, random)
+    known = estimated(clean + noise, force)
+    found = beside_model(known, noise[:, None])
+    assert found.source == (BESIDE_MODEL,)
+    assert WITHIN[0] < found.deviation[0] / in_band(noise) < WITHIN[1]
+    # Half as far off as the noise is loud; at a quarter it is taken for noise more often than not.
+    missing = clean - driven(force, 0.0)
+    missing *= 0.5 * np.std(noise) / np.std(missing)
+    assert beside_model(known, (noise + missing)[:, None]) == known
+    given = SensorNoise.of(NoiseLevel(np.array([1.0]), np.array([np.inf])), GIVEN)
+    assert beside_model(given, noise[:, None]) == given
+
+
+def test_a_held_out_sensor_has_the_noise_of_the_others_within_its_own_bounds():
+    """The third is told by two recordings, the last by none."""
+    bounds = np.array([[0.5, 2.5], [3.0, 4.0], [1.0, 9.0], [1.0, 2.0]]).T
+    own = SensorNoise(bounds[0], np.full(4, 50.0), ("in quiet bands",) * 4, *bounds)
+    told = [
+        own._replace(
+            deviation=np.array(deviation),
+            freedom=np.full(4, 80.0),
+            source=(BESIDE_MODEL,) * 3 + last,
+        )
+        for deviation, last in (([2.0, 2.0, 1.0, 5.0], ("before the force",)),)
+    ]
+    told.append(told[0]._replace(deviation=np.array([2.0, 2.0, 7.0, 5.0])))
+    found = like_others(own, told)
+    np.testing.assert_allclose(found.deviation, [2.0, 3.0, 5.0, 1.0])
+    assert found.source == (BESIDE_MODEL,) * 3 + ("in quiet bands",)
+    np.testing.assert_array_equal(found.upper, [2.0, 3.0, 5.0, 2.0])

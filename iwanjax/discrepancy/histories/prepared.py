@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, Scope
+from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, Scope, again
 from iwanjax.discrepancy.histories.restarts import FAR, nominal_fit
 from iwanjax.discrepancy.histories.selection import ModelSelection, run
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
@@ -143,38 +143,30 @@ class Begun(NamedTuple):
     nominal: HypothesisFit
 
 
-def about_fitted_joints(
-    study: PreparedStudy, begun: Begun, fitted: RankedFit, scope: Scope
-) -> Begun:
+def about_fitted_joints(begun: Begun, fitted: RankedFit, scope: Scope) -> Begun:
     """Errors of the linear part are those of the modes in which the joints of a fit stick.
 
     What a linear test shows, and what a model's frequencies are trusted for, are modes in which
     joints stick, whatever stiffness they have. With that of joints as given these modes have other
-    shapes, and no errors of their frequencies make up for it. Modes stay where no such errors are
+    shapes, and no errors of their frequencies make up for it. All stays where no such errors are
     fitted, and where joints are bent to explain something else.
 
     Parameters
     ----------
-    study : PreparedStudy
-        That of ``begun``, or the same with other noise.
     begun : Begun
-        Recordings in other modes; itself where neither these nor the noise change.
+        Recordings in other modes.
     fitted : RankedFit
         The model with its joints refitted, whatever else it has.
     scope : Scope
         How long there is time.
     """
-    now, own, resolution = begun.now, fitted.problem, begun.resolution
+    study, now, own = begun.study, begun.now, fitted.problem
     bent = fitted.fitted.cost > FAR * left_by_noise(own)
-    moves = bool(now.problem.predictor.errors and own.joints) and not bent
-    if not scope.in_time() or (study is begun.study and not moves):
+    if bent or not (own.predictor.errors and own.joints and scope.in_time()):
         return begun
-    if moves:
-        z = jax.device_put(fitted.fitted.theta.mean(axis=0)[: own.parameters])
-        # A joint that only a hypothesis has comes after those of the model.
-        resolution = study.about(joints_of(own.joints, z)[: len(study.structure.elements)])
-    else:
-        resolution = replace(resolution, recordings=study.recordings)
+    z = jax.device_put(fitted.fitted.theta.mean(axis=0)[: own.parameters])
+    # A joint that only a hypothesis has comes after those of the model.
+    resolution = study.about(joints_of(own.joints, z)[: len(study.structure.elements)])
     moved = resolution.with_substeps(now.problem.predictor.substeps)
     moved = moved.leaving(now.sides.left_by_steps)
     (nominal,) = multistart(
@@ -183,21 +175,24 @@ def about_fitted_joints(
     return Begun(study, resolution, moved, nominal)
 
 
-def with_noise_left(study: PreparedStudy, best: RankedFit) -> PreparedStudy:
-    """The same, noise of sensors what the best model leaves of them, where that is like noise.
+def with_noise_left(begun: Begun, best: RankedFit) -> Begun:
+    """Noise of sensors is what the best model leaves of them, where that is like noise.
 
     A sensor of a held-out recording has the noise that it has beside the model in the others, as
     far as that recording allows it.
 
     Parameters
     ----------
-    study : PreparedStudy
-        With noise as told by the recordings alone.
+    begun : Begun
+        With noise as told by the recordings alone; itself where the model tells no more of it.
     best : RankedFit
         The model that fits them best.
     """
-    problem, fitted, recordings = best.problem, best.fitted, list(study.recordings)
-    left = innovations(problem, fitted.hypothesis, fitted.theta, TIME_CONSTANT)
+    problem, fitted, recordings = best.problem, best.fitted, list(begun.study.recordings)
+    if not any(np.any(_noise(recordings[i]).open) for i in problem.order):
+        return begun
+    # In the free run: a memory corrects slow noise as it corrects motion.
+    left = innovations(problem, fitted.hypothesis, fitted.theta, math.inf)
     told = []
     for i, residual in zip(problem.order, left, strict=True):
         each, conditioning = recordings[i], problem.settings.conditioning
@@ -205,14 +200,21 @@ def with_noise_left(study: PreparedStudy, best: RankedFit) -> PreparedStudy:
         told.append(beside_model(_noise(each), own, conditioning))
         recordings[i] = replace(each, noise=told[-1])
     if not any(BESIDE_MODEL in noise.source for noise in told):
-        return study
+        return begun
     for i, each in enumerate(recordings):
         if each.use == "hold_out":
             recordings[i] = replace(each, noise=like_others(_noise(each), told))
     rounded = (of_rounding(each.response.astype(float)) for each in recordings)
     pairs = zip(recordings, rounded, strict=True)
     found = [replace(each, noise=_noise(each).at_least(least)) for each, least in pairs]
-    return replace(study, recordings=found)
+    resolution = replace(begun.resolution, recordings=found)
+    now = resolution.with_substeps(begun.now.problem.predictor.substeps)
+    return Begun(
+        replace(begun.study, recordings=found),
+        resolution,
+        now.leaving(begun.now.sides.left_by_steps),
+        begun.nominal,
+    )
 
 
 def _noise(recording: StudyRecording) -> SensorNoise:
@@ -241,21 +243,26 @@ def searched(study: PreparedStudy, scope: Scope, seed: int) -> tuple[Begun, Scop
     now = study.resolution.of_model()
     scope.progress("refitting the joints")
     begun = Begun(study, study.resolution, now, nominal_fit(now.problem, scope, seed))
-    moved = about_fitted_joints(study, begun, RankedFit(now.problem, begun.nominal), scope)
+    moved = about_fitted_joints(begun, RankedFit(now.problem, begun.nominal), scope)
     if moved.nominal.cost < begun.nominal.cost:
         begun = moved
     scope, table = _competed(begun, scope, seed)
-    if _left(table) < settings().histories.selection.misfit or not scope.in_time():
+    if not scope.in_time():
         return begun, scope, table
-    # Joints that were bent without it may be those of the structure beside what was found, and what
-    # is left may be noise that no quiet band shows.
-    moved = about_fitted_joints(with_noise_left(study, table.best), begun, table.best, scope)
+    best, quieter = table.best, with_noise_left(begun, table.best)
+    if quieter is not begun:
+        begun, own = quieter, best.problem.with_steps_of(quieter.now.problem)
+        (best,) = again([replace(best, problem=own)], [], TIME_CONSTANT, scope)
+    if _left(best) < settings().histories.selection.misfit:
+        return begun, scope, table
+    # Joints that were bent without it may be those of the structure beside what was found.
+    moved = about_fitted_joints(begun, best, scope)
     if moved is begun:
         return begun, scope, table
-    scope.progress("searching again in the modes and beside the noise of the best model")
-    again_scope, again = _competed(moved, scope, seed)
-    better = _left(again) < _left(table)
-    return (moved, again_scope, again) if better else (begun, scope, table)
+    scope.progress("searching again in the modes of the joints that were found")
+    again_scope, renewed = _competed(moved, scope, seed)
+    better = _left(renewed.best) < _left(best)
+    return (moved, again_scope, renewed) if better else (begun, scope, table)
 
 
 def _competed(begun: Begun, scope: Scope, seed: int) -> tuple[Scope, ModelSelection]:
@@ -265,9 +272,9 @@ def _competed(begun: Begun, scope: Scope, seed: int) -> tuple[Scope, ModelSelect
     return scope, run(problem, begun.nominal, scope, seed)
 
 
-def _left(table: ModelSelection) -> float:
-    """Squares that the best model leaves, over those of the noise."""
-    return table.best.fitted.cost / left_by_noise(table.best.problem)
+def _left(entry: RankedFit) -> float:
+    """Squares that a model leaves, over those of the noise."""
+    return entry.fitted.cost / left_by_noise(entry.problem)
 
 
 def prepared(

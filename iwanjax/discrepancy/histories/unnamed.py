@@ -151,7 +151,8 @@ def beyond_names(
     it may as well be what the name lacks, and where it is little more, but what no error of a
     linear model does and other laws at that place do
     (:func:`~iwanjax.discrepancy.histories.place_test.more_there`): a joint that hardly slips looks
-    like a spring. Held-out recordings refuse the law as they refuse every name.
+    like a spring. Held-out recordings refuse the law where it predicts them worse than the best
+    name, or the model without any.
 
     Parameters
     ----------
@@ -186,7 +187,8 @@ def beyond_names(
     after = free(placed.entry, failures)
     if failures:
         raise RuntimeError(failures[0])
-    held, with_it = ended.before[1], after[1]
+    # Names that the law contains predict better where it has learnt from noise.
+    held, with_it = best[1], after[1]
     if held is not None and with_it is not None:
         refused = worse(held.relative, with_it.relative, held.floor_95)
     else:
