@@ -33,7 +33,7 @@ raise one only with a reason in the commit message."""
 MODULES = {
     ".": 12,
     "config": 21,
-    "discrepancy": 30,
+    "discrepancy": 32,
     "dynamics": 16,
     "estimation": 13,
     "identification": 36,

@@ -25,15 +25,11 @@ from linear_pair import (
 import iwanjax as ij
 from iwanjax.discrepancy import StudyRecording
 from iwanjax.discrepancy.histories.diagnose import diagnose_histories
-from iwanjax.discrepancy.histories.prepared import (
-    Begun,
-    PreparedStudy,
-    about_fitted_joints,
-    prepared,
-)
+from iwanjax.discrepancy.histories.prepared import PreparedStudy, prepared
 from iwanjax.discrepancy.histories.ranking import RankedFit, Scope
 from iwanjax.discrepancy.histories.refitted import beyond_trust, corrected_model, modes_refitted
 from iwanjax.discrepancy.histories.restarts import nominal_fit
+from iwanjax.discrepancy.histories.search import Begun, about_fitted_joints
 from iwanjax.dynamics.parabolic_hold import hold
 from iwanjax.identification.joint_priors import joints_of
 from iwanjax.identification.likelihood import left_by_noise

@@ -20,7 +20,7 @@ from iwanjax.discrepancy.findings import (
 from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.observables import observables
 from iwanjax.discrepancy.histories.place_test import with_verdict
-from iwanjax.discrepancy.histories.prepared import prepared, searched
+from iwanjax.discrepancy.histories.prepared import prepared
 from iwanjax.discrepancy.histories.ranking import Scope, containing
 from iwanjax.discrepancy.histories.refitted import (
     beyond_trust,
@@ -30,6 +30,7 @@ from iwanjax.discrepancy.histories.refitted import (
 )
 from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.discrepancy.histories.restoring import restoring_force
+from iwanjax.discrepancy.histories.search import searched
 from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
 from iwanjax.discrepancy.histories.unnamed import Ended, beside_linear, beyond_names
 from iwanjax.discrepancy.histories.validation import (

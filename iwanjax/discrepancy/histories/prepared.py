@@ -1,27 +1,20 @@
-"""Recordings and a model made ready for one another, and searched in the modes of its joints."""
+"""Recordings and a model made ready for one another: noise, offsets, states, predictor, places."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import NamedTuple
 
 import jax
 import numpy as np
 
-from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, Scope, again
-from iwanjax.discrepancy.histories.restarts import FAR, nominal_fit
-from iwanjax.discrepancy.histories.selection import ModelSelection, run
-from iwanjax.discrepancy.histories.time_steps import Refined, StepRefinement
+from iwanjax.discrepancy.histories.time_steps import StepRefinement
 from iwanjax.effects.catalogue import kinds_in_time, limits_outside, sensor_faults_of
 from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.errors import InputError
 from iwanjax.identification.conditioning import require_usable
 from iwanjax.identification.initial_state import initial_state, unsteady
-from iwanjax.identification.joint_priors import Joint, joints_of
-from iwanjax.identification.likelihood import left_by_noise
-from iwanjax.identification.linearise import innovations
-from iwanjax.identification.multistart import HypothesisFit, multistart
+from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.offsets import without_offsets
 from iwanjax.identification.places import Place, followed, places_of
 from iwanjax.identification.predictor import Quantity, predictor
@@ -29,8 +22,6 @@ from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.recordings import StudyRecording, with_force_noise, with_noise
 from iwanjax.joints import AbstractJoint
 from iwanjax.settings.stages import settings
-from iwanjax.signals.noise import of_rounding
-from iwanjax.signals.sensor_noise import BESIDE_MODEL, SensorNoise, beside_model, like_others
 from iwanjax.structures import JointedStructure, LinearTrust
 from iwanjax.structures.checks import finite_array
 from iwanjax.structures.model_file import BASE
@@ -120,161 +111,6 @@ class PreparedStudy:
         """Places that move in some mode, with what they did; (coordinates, modes) shapes."""
         moving = {name: row @ shapes for name, row in self.rows.items() if np.any(row @ shapes)}
         return places_of(problem, followed(problem), moving)
-
-
-class Begun(NamedTuple):
-    """A model and recordings in some modes, with what a search of suspects begins from.
-
-    Attributes
-    ----------
-    study : PreparedStudy
-        Recordings and their noise.
-    resolution : StepRefinement
-        The same with any number of steps between samples.
-    now : Refined
-        With some number of them.
-    nominal : HypothesisFit
-        The model with its joints refitted.
-    """
-
-    study: PreparedStudy
-    resolution: StepRefinement
-    now: Refined
-    nominal: HypothesisFit
-
-
-def about_fitted_joints(begun: Begun, fitted: RankedFit, scope: Scope) -> Begun:
-    """Errors of the linear part are those of the modes in which the joints of a fit stick.
-
-    What a linear test shows, and what a model's frequencies are trusted for, are modes in which
-    joints stick, whatever stiffness they have. With that of joints as given these modes have other
-    shapes, and no errors of their frequencies make up for it. All stays where no such errors are
-    fitted, and where joints are bent to explain something else.
-
-    Parameters
-    ----------
-    begun : Begun
-        Recordings in other modes.
-    fitted : RankedFit
-        The model with its joints refitted, whatever else it has.
-    scope : Scope
-        How long there is time.
-    """
-    study, now, own = begun.study, begun.now, fitted.problem
-    bent = fitted.fitted.cost > FAR * left_by_noise(own)
-    if bent or not (own.predictor.errors and own.joints and scope.in_time()):
-        return begun
-    z = jax.device_put(fitted.fitted.theta.mean(axis=0)[: own.parameters])
-    # A joint that only a hypothesis has comes after those of the model.
-    resolution = study.about(joints_of(own.joints, z)[: len(study.structure.elements)])
-    moved = resolution.with_substeps(now.problem.predictor.substeps)
-    moved = moved.leaving(now.sides.left_by_steps)
-    (nominal,) = multistart(
-        moved.problem, [begun.nominal.start], TIME_CONSTANT, STEPS, in_time=scope.in_time
-    )
-    return Begun(study, resolution, moved, nominal)
-
-
-def with_noise_left(begun: Begun, best: RankedFit) -> Begun:
-    """Noise of sensors is what the best model leaves of them, where that is like noise.
-
-    A sensor of a held-out recording has the noise that it has beside the model in the others, as
-    far as that recording allows it.
-
-    Parameters
-    ----------
-    begun : Begun
-        With noise as told by the recordings alone; itself where the model tells no more of it.
-    best : RankedFit
-        The model that fits them best.
-    """
-    problem, fitted, recordings = best.problem, best.fitted, list(begun.study.recordings)
-    if not any(np.any(_noise(recordings[i]).open) for i in problem.order):
-        return begun
-    # In the free run: a memory corrects slow noise as it corrects motion.
-    left = innovations(problem, fitted.hypothesis, fitted.theta, math.inf)
-    told = []
-    for i, residual in zip(problem.order, left, strict=True):
-        each, conditioning = recordings[i], problem.settings.conditioning
-        own = np.where(each.measured, residual[: len(each.response)], np.nan)
-        told.append(beside_model(_noise(each), own, conditioning))
-        recordings[i] = replace(each, noise=told[-1])
-    if not any(BESIDE_MODEL in noise.source for noise in told):
-        return begun
-    for i, each in enumerate(recordings):
-        if each.use == "hold_out":
-            recordings[i] = replace(each, noise=like_others(_noise(each), told))
-    rounded = (of_rounding(each.response.astype(float)) for each in recordings)
-    pairs = zip(recordings, rounded, strict=True)
-    found = [replace(each, noise=_noise(each).at_least(least)) for each, least in pairs]
-    resolution = replace(begun.resolution, recordings=found)
-    now = resolution.with_substeps(begun.now.problem.predictor.substeps)
-    return Begun(
-        replace(begun.study, recordings=found),
-        resolution,
-        now.leaving(begun.now.sides.left_by_steps),
-        begun.nominal,
-    )
-
-
-def _noise(recording: StudyRecording) -> SensorNoise:
-    """As it was told when the study was prepared."""
-    assert recording.noise is not None
-    return recording.noise
-
-
-def searched(study: PreparedStudy, scope: Scope, seed: int) -> tuple[Begun, Scope, ModelSelection]:
-    """The competition, with modes and noise as the model that fits best has them.
-
-    Parameters
-    ----------
-    study : PreparedStudy
-        With its joints as given.
-    scope : Scope
-        What may be suspected, without places.
-    seed : int
-        Of the starts.
-
-    Returns
-    -------
-    begun, scope, table
-        Recordings in these modes and with this noise, what may be suspected where, how it ended.
-    """
-    now = study.resolution.of_model()
-    scope.progress("refitting the joints")
-    begun = Begun(study, study.resolution, now, nominal_fit(now.problem, scope, seed))
-    moved = about_fitted_joints(begun, RankedFit(now.problem, begun.nominal), scope)
-    if moved.nominal.cost < begun.nominal.cost:
-        begun = moved
-    scope, table = _competed(begun, scope, seed)
-    if not scope.in_time():
-        return begun, scope, table
-    best, quieter = table.best, with_noise_left(begun, table.best)
-    if quieter is not begun:
-        begun, own = quieter, best.problem.with_steps_of(quieter.now.problem)
-        (best,) = again([replace(best, problem=own)], [], TIME_CONSTANT, scope)
-    if _left(best) < settings().histories.selection.misfit:
-        return begun, scope, table
-    # Joints that were bent without it may be those of the structure beside what was found.
-    moved = about_fitted_joints(begun, best, scope)
-    if moved is begun:
-        return begun, scope, table
-    scope.progress("searching again in the modes of the joints that were found")
-    again_scope, renewed = _competed(moved, scope, seed)
-    better = _left(renewed.best) < _left(best)
-    return (moved, again_scope, renewed) if better else (begun, scope, table)
-
-
-def _competed(begun: Begun, scope: Scope, seed: int) -> tuple[Scope, ModelSelection]:
-    """Suspects compared at the places that move in these modes."""
-    modal, problem = begun.now.modal, begun.now.problem
-    scope = replace(scope, places=begun.study.places(problem, np.asarray(modal.Phi)))
-    return scope, run(problem, begun.nominal, scope, seed)
-
-
-def _left(entry: RankedFit) -> float:
-    """Squares that a model leaves, over those of the noise."""
-    return entry.fitted.cost / left_by_noise(entry.problem)
 
 
 def prepared(

@@ -6,8 +6,6 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-
 from iwanjax.discrepancy.findings import PlaceEvidence, Score
 from iwanjax.discrepancy.histories.further_suspects import appearing, further_laws, probed
 from iwanjax.discrepancy.histories.general_law import PlacedLaw, as_two_laws, general_law
@@ -19,7 +17,6 @@ from iwanjax.discrepancy.histories.joint_faults import (
 from iwanjax.discrepancy.histories.nested import none_worse, with_nested_laws
 from iwanjax.discrepancy.histories.pairs import doubled
 from iwanjax.discrepancy.histories.ranking import (
-    STEPS,
     TIME_CONSTANT,
     RankedFit,
     Scope,
@@ -32,38 +29,30 @@ from iwanjax.discrepancy.histories.ranking import (
     placed,
     ranked,
     refitted,
-    scored,
     scored_by_all,
     settled,
 )
 from iwanjax.discrepancy.histories.restarts import (
     FAR,
-    OUT_OF_SIGHT,
     renominated,
     restarted,
 )
 from iwanjax.discrepancy.histories.score_test import (
-    Candidate,
     by_evidence,
-    excluded,
     left_likely,
     most_telling,
     where_something_acts,
 )
-from iwanjax.effects.catalogue import kinds_of
+from iwanjax.discrepancy.histories.screening import Screened
 from iwanjax.errors import attempted
 from iwanjax.identification.estimates import determined
-from iwanjax.identification.hypotheses import shrunk
-from iwanjax.identification.likelihood import evidence, left_by_noise
-from iwanjax.identification.linearise import squares_at
+from iwanjax.identification.likelihood import left_by_noise
 from iwanjax.identification.macroslip import in_the_middle
 from iwanjax.identification.multistart import (
-    SHORT_TIME_CONSTANT,
     HypothesisFit,
-    multistart,
     renewed,
 )
-from iwanjax.identification.problem import HistoryProblem, Start, Variant
+from iwanjax.identification.problem import HistoryProblem, Start
 
 
 class ModelSelection(NamedTuple):
@@ -105,7 +94,9 @@ class ModelSelection(NamedTuple):
         return self._replace(entries=tuple(sorted(self.entries, key=lambda e: -e.behind)))
 
 
-def run(problem: HistoryProblem, nominal: HypothesisFit, scope: Scope, seed: int) -> ModelSelection:
+def run(
+    problem: HistoryProblem, nominal: HypothesisFit, seen: Screened, scope: Scope, seed: int
+) -> ModelSelection:
     """The whole competition with the memory that fits are compared with.
 
     Parameters
@@ -114,48 +105,21 @@ def run(problem: HistoryProblem, nominal: HypothesisFit, scope: Scope, seed: int
         Predictor and data.
     nominal : HypothesisFit
         The model with its joints refitted.
+    seen : Screened
+        Suspects that were screened, the most promising of them refitted.
     scope : Scope
         What may be suspected.
     seed : int
         Of the starts.
     """
     known, far = problem.settings.selection, FAR * left_by_noise(problem)
+    shorts, entries, candidates, places = seen.shorts, seen.entries, seen.candidates, seen.places
+    scores = seen.scores
     if not scope.in_time():
-        return ModelSelection(False, RankedFit(problem, nominal), (), ())
-    scope.progress("screening kinds and places")
-    candidates = scored(problem, nominal, scope)
-    both = [candidates]
-    clear = bool(candidates) and most_telling(both)[0].reduction > known.clear
-    if nominal.cost > far and not clear and scope.in_time():
-        # Joints that were bent to explain something else are a bad place to look from.
-        given = Start(problem.nothing(), problem.map.given())
-        both.append(scored(problem, multistart(problem, [given], SHORT_TIME_CONSTANT, 0)[0], scope))
-    scores = tuple(
-        Score(c.start.hypothesis.kinds[-1].name, c.start.hypothesis.where[-1], c.drop)
-        for c in candidates
-    )
-    # By fewer kinds than all a place may look empty of what they cannot do.
-    few = not set(kinds_of()) <= set(scope.kinds)
-    scope = scope if few else replace(scope, excluded=excluded(both))
-    places = most_telling(both)
-    if not scope.in_time():
-        screened = [c.start for c in candidates if c.drop > 0.0]
-        return _stopped(problem, nominal, screened, scope)._replace(scores=scores, places=places)
-    scope.progress("refitting suspects")
-    shorts = first_fits(problem, nominal, both, scope)
-    explained = bool(shorts) and shorts[0].fitted.cost < far
-    within = FAR if explained else known.give_up
-    near = [e for e in shorts[: known.second] if e.fitted.cost < within * shorts[0].fitted.cost]
-    if shorts and shorts[0].fitted.cost < known.misfit * left_by_noise(problem):
-        # Beside one that explains all, a longer memory brings nobody back from so far behind.
-        near = [e for e in near if e.behind > shorts[0].behind - known.hope]
-    if not scope.in_time():
-        rough = [e.fitted.start for e in near]
+        rough = seen.most_promising
         return _stopped(problem, nominal, rough, scope)._replace(scores=scores, places=places)
-    entries = again(near, shorts[len(near) :], TIME_CONSTANT, scope)
     if least(nominal, entries).cost > far:
-        likely = [c for each in both for c in where_something_acts(each)]
-        entries = probed(problem, shorts, entries, likely, scope)
+        entries = probed(problem, shorts, entries, seen.likely, scope)
     entries = restarted(problem, nominal, entries, scope, seed)
     # A local minimum of the joints would be a false alarm: the winner's joints may be better.
     if scope.in_time():
@@ -183,7 +147,7 @@ def run(problem: HistoryProblem, nominal: HypothesisFit, scope: Scope, seed: int
         base, entries = ranked(base, entries)
     general, failures = None, list[str]()
     # What even so is not explained may be a law of more parameters, or two at one place.
-    if few and least(base.fitted, entries).cost > far and scope.in_time():
+    if seen.few and least(base.fitted, entries).cost > far and scope.in_time():
         by_all = partial(scored_by_all, problem, base.fitted, scope)
         places = most_telling(attempted("screening by all kinds", by_all, [], failures)) or places
     likely, near = by_evidence(places, scope.places), left_likely(places, scope.places)
@@ -324,76 +288,3 @@ def _polished(
             close = finalists(base, late) if late else []
     base, close = ranked(base, none_worse(base, close, scope))
     return base, doubted(base.problem, close) if close else close
-
-
-def first_fits(
-    problem: HistoryProblem,
-    nominal: HypothesisFit,
-    scored: Sequence[Sequence[Candidate]],
-    scope: Scope,
-) -> list[RankedFit]:
-    """The best candidates at places where something acts, whatever it is, refitted."""
-    known = problem.settings.selection
-    least = known.least_promise / max(evidence(problem, [nominal]).worth(nominal), 1e-300)
-    far = nominal.cost > FAR * left_by_noise(problem)
-    # Where joints are bent something acts somewhere, though no column may show it.
-    promising = [
-        [
-            c
-            for c in where_something_acts(each)
-            if c.drop > least and (far or c.place.log_evidence > 0.0)
-        ]
-        for each in scored
-    ]
-    chosen: dict[Variant, list[Start]] = {}
-    for candidates in promising:
-        for rank, c in enumerate(candidates):
-            hypothesis = c.start.hypothesis
-            if rank < known.first and c.drop > known.hopeless * candidates[0].drop:
-                chosen.setdefault(hypothesis.variant, []).extend(_starts(problem, c, far))
-    found = multistart(
-        problem,
-        withstood_starts(problem, nominal, list(chosen.values())),
-        SHORT_TIME_CONSTANT,
-        STEPS,
-        tolerance=known.rough,
-        give_up=known.give_up,
-        at_most=known.field,
-        in_time=scope.in_time,
-    )
-    return placed([RankedFit(problem, each) for each in found])
-
-
-def _starts(problem: HistoryProblem, candidate: Candidate, far: bool) -> list[Start]:
-    """A candidate with the joints it was screened with, and as given where these are bent."""
-    start, p = candidate.start, problem.parameters
-    z = problem.with_given_joints(start.common[:p])
-    given = Start(start.hypothesis, np.concatenate([z, start.common[p:]]))
-    return [start, given] if far else [start]
-
-
-def withstood_starts(
-    problem: HistoryProblem, nominal: HypothesisFit, choices: Sequence[Sequence[Start]]
-) -> list[Start]:
-    """For each hypothesis the best of its starts, smaller ones where the model breaks down there.
-
-    About joints that are bent to explain something else, a size may be foreseen that no search
-    comes back from.
-    """
-    begun: dict[int, Start] = {}
-    for share in problem.settings.selection.smaller:
-        points = [
-            (i, shrunk(problem, start, share))
-            for i, starts in enumerate(choices)
-            if i not in begun
-            for start in starts
-        ]
-        costs = squares_at(
-            problem,
-            [(s.hypothesis, problem.still(s.common)) for _, s in points],
-            SHORT_TIME_CONSTANT,
-        )
-        for cost, (i, start) in sorted(zip(costs, points, strict=True), key=lambda each: each[0]):
-            if cost < OUT_OF_SIGHT * nominal.cost:
-                begun.setdefault(i, start)
-    return [begun[i] for i in sorted(begun)]

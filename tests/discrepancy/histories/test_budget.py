@@ -7,7 +7,7 @@ import pytest
 from test_ranking import SEARCH, entry
 
 from iwanjax.discrepancy.findings import PlaceEvidence
-from iwanjax.discrepancy.histories import selection
+from iwanjax.discrepancy.histories import screening, selection
 from iwanjax.discrepancy.histories.ranking import Scope
 from iwanjax.discrepancy.histories.selection import ModelSelection
 
@@ -38,13 +38,20 @@ def seen(monkeypatch):
         return run
 
     for name in STAGES:
-        monkeypatch.setattr(selection, name, stage(name))
+        monkeypatch.setattr(screening, name, stage(name))
     return seen
+
+
+def run(within: Scope) -> ModelSelection:
+    """A whole competition."""
+    within, screen = screening.screened(SEARCH, NOMINAL, within)
+    screen = screening.with_first_fits(SEARCH, NOMINAL, screen, within)
+    return selection.run(SEARCH, NOMINAL, screen, within, 0)
 
 
 @pytest.mark.parametrize("stages", [0, 1, 2])
 def test_no_stage_begins_when_the_time_is_over(seen, stages):
-    found = selection.run(SEARCH, NOMINAL, scope(stages, seen), 0)
+    found = run(scope(stages, seen))
     assert tuple(seen) == STAGES[:stages]
     assert not found.detected
     assert len(found.scores) == (stages > 0)
@@ -61,7 +68,7 @@ def test_a_search_that_is_stopped_shows_its_suspects(monkeypatch, seen, stages):
 
     monkeypatch.setattr(selection, "refitted", refitted)
     monkeypatch.setattr(selection, "renominated", lambda _, nominal, *more: nominal)
-    found = selection.run(SEARCH, NOMINAL, scope(stages, seen, to_finish=True), 0)
+    found = run(scope(stages, seen, to_finish=True))
     assert tuple(seen) == STAGES[:stages]
     assert found.detected
     assert found.best.fitted.hypothesis.label == "mass_error@a"
@@ -80,7 +87,7 @@ def test_better_joints_are_no_suspect_of_a_search_that_is_stopped(monkeypatch, s
 
     monkeypatch.setattr(selection, "refitted", refitted)
     monkeypatch.setattr(selection, "renominated", renominated)
-    found = selection.run(SEARCH, NOMINAL, scope(2, seen, to_finish=True), 0)
+    found = run(scope(2, seen, to_finish=True))
     assert not found.detected
     assert found.nominal.fitted.cost == entry(1.0).fitted.cost
 

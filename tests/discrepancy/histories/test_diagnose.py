@@ -18,9 +18,8 @@ from typer.testing import CliRunner
 import iwanjax as ij
 from iwanjax.cli import app
 from iwanjax.discrepancy import StudyRecording, diagnose_histories
-from iwanjax.discrepancy.histories import diagnose
+from iwanjax.discrepancy.histories import diagnose, search
 from iwanjax.discrepancy.histories.ranking import RankedFit
-from iwanjax.discrepancy.histories.restarts import nominal_fit
 from iwanjax.discrepancy.histories.selection import ModelSelection
 
 # Chains of two masses: one set of kernels serves them all.
@@ -309,14 +308,13 @@ def test_the_search_leaves_time_to_polish(monkeypatch):
     stages: list[str] = []
 
     def clock() -> float:
-        return 75.0 if "screening kinds and places" in stages else 0.0
+        return 75.0 if "searching" in stages else 0.0
 
-    def run(problem, scope, seed):
-        nominal = nominal_fit(problem, scope, seed)
-        scope.progress("screening kinds and places")
+    def run(problem, nominal, seen, scope, seed):
+        scope.progress("searching")
         return ModelSelection(False, RankedFit(problem, nominal), (), ())
 
-    monkeypatch.setattr(diagnose.selection, "run", run)
+    monkeypatch.setattr(search, "run", run)
     monkeypatch.setattr(diagnose, "time", SimpleNamespace(perf_counter=clock))
     found = diagnose_histories(
         structure(), [recording], 1024.0, **given, budget=100.0, progress=stages.append

@@ -14,6 +14,7 @@ from iwanjax.discrepancy.histories import selection
 from iwanjax.discrepancy.histories.nested import begun_from, holding, none_worse, widened
 from iwanjax.discrepancy.histories.ranking import STEPS, TIME_CONSTANT, RankedFit, tolerance_of
 from iwanjax.discrepancy.histories.restarts import nominal_fit
+from iwanjax.discrepancy.histories.screening import screened, with_first_fits
 from iwanjax.effects.catalogue import CATALOGUE, kinds_in_time, kinds_of
 from iwanjax.effects.faults import (
     TURNED,
@@ -275,7 +276,10 @@ def test_after_a_competition_nothing_fits_worse_than_what_it_contains(
         return none_worse(base, entries, scope)
 
     monkeypatch.setattr(selection, "none_worse", before)
-    table = selection.run(problem, nominal_fit(problem, scope, 0), scope, 0)
+    nominal = nominal_fit(problem, scope, 0)
+    scope, screen = screened(problem, nominal, scope)
+    screen = with_first_fits(problem, nominal, screen, scope)
+    table = selection.run(problem, nominal, screen, scope, 0)
     plain = frozenset([(*whole.split("@"), "")])
     (given_up,) = (e.fitted for e in seen if e.fitted.hypothesis.variant == plain)
     (found,) = (e.fitted for e in table.entries if e.fitted.hypothesis.variant == plain)

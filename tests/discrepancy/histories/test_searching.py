@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from struck_mass import JOINT, resolution, searching, struck
 
 import iwanjax as ij
-from iwanjax.discrepancy.histories import restarts, selection
+from iwanjax.discrepancy.histories import restarts, screening, selection
 from iwanjax.discrepancy.histories.further_suspects import pointed_at, probed, sought_at
 from iwanjax.discrepancy.histories.joint_faults import without_the_other
 from iwanjax.discrepancy.histories.nested import with_nested_laws
@@ -212,11 +212,11 @@ def test_a_size_that_no_run_survives_is_begun_with_smaller():
 
     edge = next(k for k in 8e3 * 2.0 ** np.arange(40) if cost(spring(k)) > 100.0 * nominal.cost)
     for size, share in ((8e3, 1.0), (2.0 * edge, 0.1), (20.0 * edge, 0.01)):
-        (begun,) = selection.withstood_starts(problem, nominal, [[spring(size)]])
+        (begun,) = screening.withstood_starts(problem, nominal, [[spring(size)]])
         assert begun.theta[4] == pytest.approx(share)
     # The best of a hypothesis's own starts; none where none is survived.
     good, far, lost = spring(8e3), spring(2.0 * edge), spring(1e3 * edge)
-    (begun,) = selection.withstood_starts(problem, nominal, [[far, good], [lost]])
+    (begun,) = screening.withstood_starts(problem, nominal, [[far, good], [lost]])
     assert begun.theta[4] == good.theta[4]
     assert begun.hypothesis is good.hypothesis
 
