@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.joints.abstract import ParameterInfo, named
+from iwanjax.joints.dashpot import Dashpot
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 from iwanjax.joints.force_law import NestedLaw, Scales
 from iwanjax.joints.inertia import Inertia
@@ -114,7 +115,7 @@ class AttachedOscillator(AbstractMotionOnly):
 
     @classmethod
     def nested_whole(cls, **held: Any) -> tuple[NestedLaw, ...]:
-        """On a spring that is stiff enough it is a mass and nothing else."""
+        """On a spring that is stiff enough it is a mass; one that stays at rest holds a damper."""
         return (
             NestedLaw(
                 Inertia,
@@ -123,6 +124,15 @@ class AttachedOscillator(AbstractMotionOnly):
                     mass[0],
                     mass[0] * (2.0 * np.pi / (share * seen.period)) ** 2,
                     mass[0] * 2.0 * np.pi / (share * seen.period),
+                ),
+            ),
+            NestedLaw(
+                Dashpot,
+                lambda values: (values[2:],),
+                lambda damper, seen, share: (
+                    damper[0] * seen.period / (2.0 * np.pi * share),
+                    share * damper[0] * 2.0 * np.pi / seen.period,
+                    damper[0],
                 ),
             ),
         )

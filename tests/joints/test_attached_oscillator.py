@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import iwanjax as ij
-from iwanjax.joints import AttachedOscillator, Inertia, Scales
+from iwanjax.joints import AttachedOscillator, Dashpot, Inertia, Scales
 
 M, K, C = 0.3, 4.0e3, 5.0
 
@@ -89,12 +89,23 @@ def test_derivatives_are_those_of_differences(per_step, ratio, seed):
 
 def test_it_is_the_mass_where_it_is_held_stiffly():
     seen = Scales(1e-3, 0.05)
-    (held,) = AttachedOscillator.nested_whole()
+    held = AttachedOscillator.nested_whole()[0]
     stiff = AttachedOscillator(*held.widened((M,), seen, 1e-2))
     assert held.law is Inertia
     assert held.narrowed((M, K, C)) == ((M,),)
     w = 2.0 * np.pi / seen.period
     assert float(stiff.secant(1.0, omega=w)) == pytest.approx(-M * w**2, rel=1e-3)
+
+
+def test_it_is_a_damper_where_its_mass_stays_at_rest():
+    seen = Scales(1e-3, 0.05)
+    rest = AttachedOscillator.nested_whole()[1]
+    heavy = AttachedOscillator(*rest.widened((C,), seen, 1e-3))
+    assert rest.law is Dashpot
+    assert rest.narrowed((M, K, C)) == ((C,),)
+    w = 2.0 * np.pi / seen.period
+    assert float(heavy.dissipation(1.0, omega=w)) == pytest.approx(np.pi * C * w, rel=2e-3)
+    assert abs(float(heavy.secant(1.0, omega=w))) < 3e-3 * C * w
 
 
 def test_a_structure_carries_it_as_one_of_its_own_masses():
