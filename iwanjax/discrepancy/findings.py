@@ -42,7 +42,7 @@ class MeasuredNoise(NamedTuple):
         Standard deviation, and that of its estimate: zero where the study gives it.
     source : str
         How it was estimated: as given, before the force, between periods, over the whole band,
-        one step ahead, or in quiet bands.
+        one step ahead, in quiet bands, or beside the fitted model.
     lower, upper : float
         Deviations between which it is. Where they differ, what is above the lower one may be noise
         that passes through the structure, or what no linear model does; noise floors are lower

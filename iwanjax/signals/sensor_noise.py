@@ -51,8 +51,8 @@ class SensorNoise(NamedTuple):
 
     @property
     def open(self) -> np.ndarray:
-        """Of which sensors it is told beside their motion only, (sensors,)."""
-        return ~np.isin(self.source, (GIVEN, *OUTRIGHT))
+        """Of which sensors it is known within bounds only, (sensors,)."""
+        return self.lower < self.upper
 
     def where(self, better: np.ndarray, other: "SensorNoise") -> "SensorNoise":
         """The other one's where that is better, (sensors,)."""
@@ -157,7 +157,7 @@ def beside_model(
     Parameters
     ----------
     known : SensorNoise
-        By the recording alone; what is given or was measured where nothing moves stays.
+        By the recording alone; stays where nothing of it is open.
     left : (N, sensors) array
         Measured less predicted; NaN throughout for a sensor that is lacking.
     settings : ConditioningSettings
@@ -177,7 +177,7 @@ def like_others(known: SensorNoise, others: Sequence[SensorNoise]) -> SensorNois
     Parameters
     ----------
     known : SensorNoise
-        By the recording alone; what is given or was measured where nothing moves stays.
+        By the recording alone; stays where nothing of it is open.
     others : sequence of SensorNoise
         Of recordings that a model was fitted to.
     """

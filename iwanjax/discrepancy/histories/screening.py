@@ -141,14 +141,14 @@ def with_first_fits(
 
 
 def moved(seen: Screened, problem: HistoryProblem, scope: Scope) -> Screened:
-    """The same suspects refitted with other steps between samples, or beside other noise.
+    """The same suspects refitted with other steps between samples.
 
     Parameters
     ----------
     seen : Screened
         In the same modes.
     problem : HistoryProblem
-        With these steps and this noise.
+        With these steps.
     scope : Scope
         How long there is time.
     """

@@ -1,4 +1,4 @@
-"""The search: where steps, noise and modes are renewed as soon as it is known what they hang on."""
+"""The search, with steps between samples, modes and noise as the best model so far has them."""
 
 import math
 from dataclasses import replace
@@ -150,11 +150,10 @@ def searched(study: PreparedStudy, scope: Scope, seed: int) -> tuple[Begun, Scop
     if other.nominal.cost < begun.nominal.cost:
         begun = other
     within, seen = _screened(begun, scope)
-    for renewed in (with_steps_for, with_noise_left):
-        other = renewed(begun, _best(begun, seen))
-        if other is not begun and scope.in_time():
-            begun = _refitted(other, scope)
-            seen = moved(seen, begun.now.problem, scope)
+    other = with_steps_for(begun, _best(begun, seen))
+    if other is not begun and scope.in_time():
+        begun = _refitted(other, scope)
+        seen = moved(seen, begun.now.problem, scope)
     if _left(_best(begun, seen)) > settings().histories.selection.misfit:
         # Joints that were bent without it may be those of the structure beside what was found.
         other = about_fitted_joints(begun, _best(begun, seen), scope)
@@ -163,7 +162,9 @@ def searched(study: PreparedStudy, scope: Scope, seed: int) -> tuple[Begun, Scop
             if _left(_best(other, there[1])) < _left(_best(begun, seen)):
                 begun, (within, seen) = other, there
     table = run(begun.now.problem, begun.nominal, seen, within, seed)
-    return with_noise_left(begun, table.best), within, table
+    # Not before: a sensor's drift is like noise as well.
+    begun = with_noise_left(begun, table.best)
+    return begun, within, table.on(begun.now.problem)
 
 
 def with_steps_for(begun: Begun, best: RankedFit) -> Begun:
@@ -187,7 +188,7 @@ def _best(begun: Begun, seen: Screened) -> RankedFit:
 
 
 def _refitted(begun: Begun, scope: Scope) -> Begun:
-    """The nominal model where steps or noise have changed."""
+    """The nominal model where steps or modes have changed."""
     (nominal,) = multistart(
         begun.now.problem, [begun.nominal.start], TIME_CONSTANT, STEPS, in_time=scope.in_time
     )

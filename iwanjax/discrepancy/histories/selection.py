@@ -93,6 +93,11 @@ class ModelSelection(NamedTuple):
         """The same, its entries in order: those left with a shorter memory came by their fits."""
         return self._replace(entries=tuple(sorted(self.entries, key=lambda e: -e.behind)))
 
+    def on(self, problem: HistoryProblem) -> "ModelSelection":
+        """The same on another search of the same suspects, in whose units costs are not yet."""
+        nominal, *entries = _moved([self.nominal, *self.entries], problem)
+        return self._replace(nominal=nominal, entries=tuple(entries))
+
 
 def run(
     problem: HistoryProblem, nominal: HypothesisFit, seen: Screened, scope: Scope, seed: int

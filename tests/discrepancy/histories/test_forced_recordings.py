@@ -5,6 +5,7 @@ The oscillator is integrated by ``forced_oscillator``, which shares nothing with
 
 import importlib
 import json
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -29,6 +30,8 @@ from iwanjax.discrepancy import StudyRecording, diagnose_histories
 from iwanjax.discrepancy.histories.time_steps import StudyData
 from iwanjax.discrepancy.histories.validation import free_run
 from iwanjax.identification.predictor import predictor
+from iwanjax.signals.comparison_band import END
+from iwanjax.signals.sensor_noise import BESIDE_MODEL
 
 WEAK, STRONG = 5.0, 30.0
 # (use, samples, level, seed).
@@ -142,6 +145,36 @@ def test_a_linear_model_misses_nothing_in_linear_recordings():
         assert each.source == "over the whole band"
         assert each.lower == each.deviation == each.upper
         assert abs(each.deviation - NOISE) < 3.0 * each.std < 0.5 * NOISE
+
+
+def test_coloured_noise_is_told_by_what_the_right_model_leaves():
+    """Three times the white noise, and most of it slow: no quiet band shows it all."""
+
+    def coloured(samples: int, seed: int) -> np.ndarray:
+        spectrum = np.fft.rfft(np.random.default_rng(seed).standard_normal(samples))
+        f = np.fft.rfftfreq(samples)
+        spectrum[0], spectrum[1:] = 0.0, spectrum[1:] * np.sqrt(1.0 + 0.3 / f[1:])
+        noise = np.fft.irfft(spectrum, samples)
+        return 3.0 * NOISE * noise[:, None] / np.std(noise)
+
+    recordings = [
+        replace(each, response=each.response + coloured(len(each.response), i))
+        for i, each in enumerate(transients(UNEQUAL))
+    ]
+    found = diagnosed(
+        ij.JointedStructure(linear(), {}), recordings, hypotheses=("cubic_stiffness",)
+    )
+    assert [each.label for each in found.what] == ["cubic_stiffness@mass-ground"]
+    assert found.what[0].probability > 0.99
+    # The weak one is nearly linear.
+    assert [each.source for each in found.noise] == ["over the whole band", *2 * [BESIDE_MODEL]]
+    for i, each in enumerate(found.noise):
+        slow = coloured(UNEQUAL[i][1], i)[:, 0]
+        compared = np.abs(np.fft.rfft(slow)[1 : int(END * len(slow))]) ** 2
+        true = np.sqrt(NOISE**2 + np.mean(compared) / len(slow))
+        assert abs(each.deviation / true - 1.0) < 2.0 * each.std / each.deviation < 0.15
+    assert abs(found.after.fit / found.noise_floor.fit - 1.0) < 0.05
+    assert 0.9 < found.after.hold_out / found.noise_floor.hold_out < 1.1
 
 
 @pytest.mark.long
