@@ -96,10 +96,13 @@ def with_noise_left(begun: Begun, best: RankedFit) -> Begun:
         return begun
     # In the free run: a memory corrects slow noise as it corrects motion.
     left = innovations(problem, fitted.hypothesis, fitted.theta, math.inf)
+    # What is added to a sensor is still in what is left of it.
+    added = [fitted.hypothesis.channels[slot] for slot in fitted.hypothesis.added]
+    as_it_is = ~np.isin(np.arange(left.shape[2]), added)
     told = []
     for i, residual in zip(problem.order, left, strict=True):
         each, conditioning = recordings[i], problem.settings.conditioning
-        own = np.where(each.measured, residual[: len(each.response)], np.nan)
+        own = np.where(each.measured & as_it_is, residual[: len(each.response)], np.nan)
         told.append(beside_model(_noise(each), own, conditioning))
         recordings[i] = replace(each, noise=told[-1])
     if not any(BESIDE_MODEL in noise.source for noise in told):
@@ -147,6 +150,7 @@ def searched(study: PreparedStudy, scope: Scope, seed: int) -> tuple[Begun, Scop
     scope.progress("refitting the joints")
     begun = Begun(study, study.resolution, now, nominal_fit(now.problem, scope, seed))
     other = about_fitted_joints(begun, RankedFit(now.problem, begun.nominal), scope)
+    bent = other is begun
     if other.nominal.cost < begun.nominal.cost:
         begun = other
     within, seen = _screened(begun, scope)
@@ -154,7 +158,7 @@ def searched(study: PreparedStudy, scope: Scope, seed: int) -> tuple[Begun, Scop
     if other is not begun and scope.in_time():
         begun = _refitted(other, scope)
         seen = moved(seen, begun.now.problem, scope)
-    if _left(_best(begun, seen)) > settings().histories.selection.misfit:
+    if bent and _left(_best(begun, seen)) > settings().histories.selection.misfit:
         # Joints that were bent without it may be those of the structure beside what was found.
         other = about_fitted_joints(begun, _best(begun, seen), scope)
         if other is not begun:
