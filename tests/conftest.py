@@ -42,15 +42,16 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 
-# Each compiled kernel takes some memory mappings, of which Linux gives a process 65 530 unless told
-# otherwise; one too many stops it in the middle of compiling. One module was seen to add 6100
-# with kernels in pieces. To forget them takes 10 to 20 s, and what comes after compiles again.
-_MOST_MAPPINGS = 55_000
+# Compiling takes the longer the more compiled kernels there are: 60 ms for a small one at first,
+# 100 ms beside 1500 of them, 53 ms again and again where they are forgotten. Each takes a dozen
+# memory mappings, of which Linux gives a process 65 530 unless told otherwise. To forget 900 of
+# them takes 2 s, and what comes after compiles again or is read from the cache on the disk.
+_MOST_MAPPINGS = 10_000
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _few_mappings() -> Iterator[None]:
-    """Forget compiled kernels between modules before the process has too many."""
+    """Forget compiled kernels between modules where the process has many."""
     yield
     maps = Path("/proc/self/maps")
     if maps.exists() and maps.read_bytes().count(b"\n") > _MOST_MAPPINGS:
