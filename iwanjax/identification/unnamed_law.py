@@ -1,10 +1,9 @@
 r"""A general law at a place, fitted to recordings beside the joints.
 
 Its strengths are linear in the force, each with a Gaussian prior about zero whose deviation is
-that of its group (the spline, saturating dampers, sliders, each power of the motion), and none but
-the spring's are negative. The search is that of every hypothesis: Gauss-Newton on the innovations
-of an observer of a longer and longer memory, up to the free run. Between memories each group's
-deviation :math:`s` is set to
+that of its part (spring, dampers, sliders, relaxation), and none but the spring's are negative.
+The search is that of every hypothesis: Gauss-Newton on the innovations of an observer of a longer
+and longer memory, up to the free run. Between memories each part's deviation :math:`s` is set to
 
 .. math:: s^2 = \frac{\sum_i w_i^2}{\sum_i \gamma_i}, \qquad
           \gamma_i = 1 - \frac{C_{ii}}{s^2}
@@ -29,9 +28,9 @@ from iwanjax.identification.multistart import HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
 from iwanjax.joints import UnnamedLaw
-from iwanjax.joints.unnamed_terms import GROUPS, TERMS
+from iwanjax.joints.unnamed_terms import PARTS, TERMS
 
-# A group's prior deviation changes no more than this in one round, either way: what a short memory
+# A part's prior deviation changes no more than this in one round, either way: what a short memory
 # does not determine a longer one may.
 _MOST = 10.0
 
@@ -129,10 +128,10 @@ def with_unnamed_law(
     joint, p = FreeLaw(law, jnp.full(len(TERMS), force), duhem), problem.parameters
     free = joint.terms
     own = np.stack([np.pad(each[p:], (0, p + joint.count - each.size)) for each in z])
-    # What a group begins with may be more, and no search would keep that far beyond its prior.
+    # What a part begins with may be more, and no search would keep that far beyond its prior.
     begun, loose = np.zeros(len(TERMS)), np.array(joint.loose)
     begun[free] = np.max(np.abs(own[:, : free.size]), axis=0)
-    for part in GROUPS:
+    for part in PARTS.values():
         loose[part] = max(force, float(np.max(begun[part])))
     joint = replace(joint, loose=jax.device_put(loose))
     own[:, : free.size] /= loose[free]
@@ -194,14 +193,14 @@ def fit_unnamed_law(
 
 
 def loosened(found: UnnamedFit) -> UnnamedFit:
-    """The same fit with each group's prior as wide as its strengths are."""
+    """The same fit with each part's prior as wide as its strengths are."""
     problem, fitted, joint = found.problem, found.fitted, found.joint
     determined, z = found.determined, np.zeros(len(TERMS))
     z[joint.terms] = fitted.theta.mean(axis=0)[found._strengths]
     factor = np.ones(len(TERMS))
-    for part in GROUPS:
+    for part in PARTS.values():
         size = math.sqrt(float(np.sum(z[part] ** 2)) / max(float(np.sum(determined[part])), 1e-12))
-        # Of a group of which nothing is known, as in a fit that broke down, it stays as it is.
+        # Of a part of which nothing is known, as in a fit that broke down, it stays as it is.
         factor[part] = min(max(size, 1.0 / _MOST), _MOST) if math.isfinite(size) else 1.0
     wider = FreeLaw(joint.given, jax.device_put(np.array(joint.loose) * factor), joint.duhem)
     rescaled = replace(problem, joints=(*problem.joints[:-1], wider))

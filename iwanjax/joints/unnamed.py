@@ -23,7 +23,6 @@ from iwanjax.joints.unnamed_terms import (
     BRISTLES,
     ELASTIC,
     FADING,
-    OUTSIDE,
     PARTS,
     SHARES,
     SLIPS,
@@ -44,9 +43,9 @@ class UnnamedLaw(AbstractJoint):
               + \sum_n b_n w_n + m_0\ddot d + m_2(x^2\ddot d + x\dot d\dot x)
               + b\,w
 
-    S is a cubic spline through the origin whose slope may change at each knot, beside
-    :math:`x^2` and :math:`x^3`, R a sum of dampers :math:`u/(|u| + \epsilon)`, of both sides of u,
-    :math:`u|u|/(|u| + 0.1)`, :math:`u|u|`, :math:`u^3` and :math:`x^2 u`;
+    S is a cubic spline through the origin whose slope may change at each knot, R a sum of dampers
+    :math:`u/(|u| + \epsilon)`, of both sides of u, :math:`u|u|/(|u| + 0.1)`, :math:`u|u|`,
+    :math:`u^3` and :math:`x^2 u`;
     :math:`\sigma_j` are the stretches of sliders that slip at :math:`\phi_j`, and
     :math:`\dot q_m + q_m/\tau_m = v`, and the springs :math:`z_l` yield as those of Bouc and Wen
     with the exponent 2, :math:`\dot z = v\,[1 - (z/\phi)^2]` where that grows and :math:`v` where
@@ -56,8 +55,8 @@ class UnnamedLaw(AbstractJoint):
     :math:`g = (1 + 2e^{-(au)^2})/3`. There is a mass and one that grows with the deflection, as
     forces at the acceleration :math:`2\pi V/T`, and a spring that yields along a curve of any
     shape, :math:`dw = f(\pm w)\,|dx|` (:class:`~iwanjax.joints.duhem.DuhemSpring`). Beyond D the
-    spline goes on straight, beyond 2D and 2V powers as well. All but its strengths are at least
-    zero, and :math:`f(w) \le f(-w)` for w > 0, so that no closed cycle feeds energy.
+    spring S goes on straight, beyond V the quadratic and the cubic damper. All but its strengths
+    are at least zero, and :math:`f(w) \le f(-w)` for w > 0, so that no closed cycle feeds energy.
 
     Parameters
     ----------
@@ -138,7 +137,7 @@ class UnnamedLaw(AbstractJoint):
     @property
     def limit_stiffness(self) -> Array:
         """Mean of the slopes that the spring goes on with, force/length."""
-        ends = 2.0 * OUTSIDE * self.deflection * jnp.array([-1.0, 1.0])
+        ends = self.deflection * jnp.array([-2.0, 2.0])
         return jnp.mean(_spring(self).curve(ends)[1])
 
     def discrete(self, sliders: int | None = None) -> Unnamed:

@@ -10,25 +10,21 @@ _Grid = Float[np.ndarray, " points"]
 
 
 def _knots() -> _Grid:
-    """Of the spring, seven intervals to a side, closer to zero: the first is 0.05 wide.
-
-    One more to either side is beyond what the law was fitted to.
-    """
-    side = np.append((np.arange(1, 8) / 7.0) ** 1.5, OUTSIDE)
+    """Of the spring, seven intervals to a side, closer to zero: the first is 0.05 wide."""
+    side = (np.arange(1, 8) / 7.0) ** 1.5
     return np.concatenate([-side[::-1], [0.0], side])
 
 
 def _intervals(knots: _Grid) -> Float[np.ndarray, "orders intervals terms"]:
     """Polynomials of each term of the spring between the knots, in the distance from the left one.
 
-    The first term is x. Each of the next has a slope that grows by one about a knot within D: its
-    second derivative is a hat of unit area there, so that it is the spring of a clearance that
-    ends, or that begins, smoothly. All vanish at x = 0 with their slopes, and go on straight beyond
-    D. The last are the square and the cube of x, there as well.
+    The first term is x. Each other has a slope that grows by one about an inner knot: its second
+    derivative is a hat of unit area there, so that it is the spring of a clearance that ends, or
+    that begins, smoothly. All vanish at x = 0 with their slopes.
     """
-    h, inner, zero = np.diff(knots), len(knots) - 4, len(knots) // 2
+    h, inner, zero = np.diff(knots), len(knots) - 2, len(knots) // 2
     bend = np.zeros((len(knots), 1 + inner))
-    bend[2:-2, 1:] = np.diag(2.0 / (h[1:-2] + h[2:-1]))
+    bend[1:-1, 1:] = np.diag(2.0 / (h[:-1] + h[1:]))
     rise = np.diff(bend, axis=0) / h[:, None]
 
     def summed(steps: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
@@ -43,11 +39,7 @@ def _intervals(knots: _Grid) -> Float[np.ndarray, "orders intervals terms"]:
         wide * (force[:-1] + wide * (slope[:-1] / 2.0 + wide * (left / 6.0 + wide * rise / 24.0))),
         0.0 * straight,
     )
-    splines = np.stack([energy[:-1], force[:-1], slope[:-1], left, rise])
-    x, one = knots[:-1], np.ones(len(h))
-    square = x**3 / 3.0, x**2, 2.0 * x, 2.0 * one, 0.0 * one
-    cube = x**4 / 4.0, x**3, 3.0 * x**2, 6.0 * x, 6.0 * one
-    return np.concatenate([splines, np.stack([square, cube], axis=2)], axis=2)
+    return np.stack([energy[:-1], force[:-1], slope[:-1], left, rise])
 
 
 def _slips() -> tuple[_Grid, Float[np.ndarray, "sliders nodes"]]:
@@ -99,8 +91,7 @@ def _bristles() -> tuple[_Grid, _Grid]:
 def _terms() -> tuple[str, ...]:
     return (
         "spring",
-        *(f"spring at {x:+.3f} D" for x in KNOTS[2:-2]),
-        *("quadratic spring", "cubic spring"),
+        *(f"spring at {x:+.3f} D" for x in KNOTS[1:-1]),
         *(f"damper saturating at {u:.3g} V" for u in RATES),
         *("damper of positive rates", "damper of negative rates"),
         f"damper rising at {RISE:.3g} V",
@@ -117,12 +108,6 @@ def _terms() -> tuple[str, ...]:
     )
 
 
-OUTSIDE = 2.0
-"""Times the largest motion up to which powers of it go on as they are; beyond they go straight.
-
-A recording that is held out moves a place by a fifth more than those fitted, as a rule of hits at
-another place. A cubic spring of splines that went on straight from there on left 9 times the noise
-of it, a damper of the deflection's square that stayed what it was 15 times."""
 KNOTS = _knots()
 """Where the spring's slope may change, x."""
 INTERVALS = _intervals(KNOTS)
@@ -165,23 +150,6 @@ def _parts() -> dict[str, slice]:
 
 PARTS = _parts()
 """Where the strengths of each part stand."""
-
-
-def _groups() -> tuple[slice, ...]:
-    powers = PARTS["spring"].stop - 2
-    sides = PARTS["damper"].start + len(RATES)
-    alone = [powers, powers + 1, *range(sides + 2, PARTS["damper"].stop)]
-    return (
-        slice(0, powers),
-        slice(PARTS["damper"].start, sides),
-        slice(sides, sides + 2),
-        *(slice(i, i + 1) for i in alone),
-        *(own for name, own in PARTS.items() if name not in ("spring", "damper")),
-    )
-
-
-GROUPS = _groups()
-"""Terms that are as large as one another beforehand: a power of the motion by itself."""
 ELASTIC = PARTS["spring"].stop
 """How many belong to the spring, and may be negative."""
 
