@@ -84,7 +84,8 @@ def diagnose_histories(
     offsets of channels are taken off first (:mod:`iwanjax.identification.offsets`). Where
     the residual stays above the noise a second suspect is looked for beside
     the first; where nothing shows with a memory of eight cycles but in the free run, as with a
-    joint that drifts, suspects are looked for there.
+    joint that drifts, suspects are looked for there. Noise that a recording only bounds is told by
+    what the best model leaves (:func:`~iwanjax.signals.sensor_noise.beside_model`).
 
     Parameters
     ----------

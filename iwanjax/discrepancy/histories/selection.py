@@ -1,4 +1,4 @@
-"""Hypotheses against one another: from a screening of all to free runs of the last few."""
+"""Hypotheses against one another: from first fits of the likeliest to free runs of the last few."""
 
 import math
 from collections.abc import Sequence

@@ -189,8 +189,10 @@ def test_a_law_is_begun_where_it_predicts_what_one_that_it_contains_does(searche
     ]
     wave = np.linalg.norm(np.asarray(problem.data.weight * problem.data.response))
     assert off[-1] < HARDLY * wave
-    # The more nearly the smaller the share, down to a hundredth of what the noise of one sample is.
-    assert off[-1] < 1.01 * min(off) + 0.01
+    # A mass that stays at rest ends at 4e-7 of the wave, by the search's integration: the law alone
+    # is exact to 1e-14. That is a hundredth of the noise of one sample.
+    at_rest = whole == ("attached_oscillator",) and part == ("viscous_damping",)
+    assert off[-1] < 1.01 * min(off) + (1e-6 if at_rest else 1e-12) * wave
     # It begins from there, and costs no more for where its joints are.
     own, start = starts[-1]
     (fitted,) = multistart(own, [start], math.inf, 0)
