@@ -39,7 +39,7 @@ def hit(t: np.ndarray, peak: float, at: float = AT, width: float = 2.5 / RATE) -
 def state_matrix(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """Of displacements and velocities."""
     lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
-    return np.vstack([np.hstack([np.zeros((2, 2)), np.eye(2)]), lower])
+    return np.vstack([np.eye(*lower.shape, k=len(mass)), lower])
 
 
 def stiffness_with_joint(k: float = JOINT) -> np.ndarray:
@@ -59,24 +59,26 @@ def simulated(
     """What sensors on both masses show after a hit, (count, 2).
 
     Over a fine step the force is a straight line (Van Loan 1978): the step squared, 1e-5 of a
-    period, is all that is off.
+    period, is all that is off. Larger matrices have masses without sensors behind the others.
     """
     stiffness = stiffness_with_joint() if stiffness is None else stiffness
     A, dt = state_matrix(mass, damping, stiffness), 1.0 / (RATE * FINE)
-    b = np.concatenate([np.zeros(2), np.linalg.solve(mass, np.eye(2)[struck])])
-    whole = np.zeros((6, 6))
-    whole[:4, :4], whole[:4, 4], whole[4, 5] = A, b, 1.0
+    n, m = len(mass), 2 * len(mass)
+    b = np.concatenate([np.zeros(n), np.linalg.solve(mass, np.eye(n)[struck])])
+    whole = np.zeros((m + 2, m + 2))
+    whole[:m, :m], whole[:m, m], whole[m, m + 1] = A, b, 1.0
     E = scipy.linalg.expm(whole * dt)
-    step, held, ramp = E[:4, :4], E[:4, 4], E[:4, 5] / dt
+    step, held, ramp = E[:m, :m], E[:m, m], E[:m, m + 1] / dt
     force = hit(np.arange(count * FINE) * dt, peak, at)
-    z, states = np.zeros(4), np.zeros((count, 4))
+    z, states = np.zeros(m), np.zeros((count, m))
     for i in range(count * FINE):
         if i % FINE == 0:
             states[i // FINE] = z
         if i + 1 < len(force):
             z = step @ z + held * force[i] + ramp * (force[i + 1] - force[i])
     rates = states @ A.T + np.outer(force[::FINE], b)
-    return (states[:, :2], states[:, 2:], rates[:, 2:])[QUANTITIES[quantity]]
+    whole = (states[:, :n], states[:, n:], rates[:, n:])[QUANTITIES[quantity]]
+    return whole[:, : len(M)]
 
 
 def measured_force(peak: float, struck: int = 0, at: float = AT, count: int = N) -> np.ndarray:

@@ -293,6 +293,8 @@ class UnnamedKind:
     # Its law has many terms, and no simpler kind is a limit of it.
     shape: ClassVar[None] = None
     limits: ClassVar[tuple[Nested, ...]] = ()
+    # K holds no part of it.
+    within: ClassVar[bool] = False
 
 
 NamedKind: TypeAlias = ForceKind | AbstractFault | JointKind | ModeKind | ChannelKind

@@ -15,7 +15,7 @@ from iwanjax.effects.faults import (
     AbstractForceFault,
     AbstractSensorFault,
 )
-from iwanjax.effects.kinds import ForceKind, JointKind
+from iwanjax.effects.kinds import ForceKind, JointKind, UnnamedKind
 from iwanjax.identification.joint_priors import Joint, located, unknown
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
@@ -253,7 +253,7 @@ class LawStart(NamedTuple):
 
 def with_law(
     problem: HistoryProblem,
-    kind: JointKind,
+    kind: JointKind | UnnamedKind,
     place: Place,
     guesses: Sequence[LawStart],
 ) -> tuple[HistoryProblem, list[Start]]:
@@ -282,7 +282,7 @@ def weakened(joint: AbstractJoint, share: float) -> AbstractJoint:
 
 def _with_element(
     problem: HistoryProblem,
-    kind: JointKind,
+    kind: JointKind | UnnamedKind,
     place: Place,
     more: Joint,
     begun: Sequence[np.ndarray],
@@ -315,7 +315,9 @@ def _moved(start: Start, parameters: int, z: np.ndarray) -> Start:
     return start._replace(theta=np.concatenate([z, start.common[parameters:]]))
 
 
-def _as_nothing(problem: HistoryProblem, kind: JointKind, label: str, z: np.ndarray) -> Start:
+def _as_nothing(
+    problem: HistoryProblem, kind: JointKind | UnnamedKind, label: str, z: np.ndarray
+) -> Start:
     """A kind that is in the joints themselves."""
     hypothesis = replace(problem.nothing(), kinds=(kind,), where=(label,))
     return Start(hypothesis, problem.map.given(z))

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from iwanjax.estimation.transforms import share_of, to_value, to_variable
 from iwanjax.joints import AbstractJoint, ParameterInfo, UnnamedLaw
 from iwanjax.joints.duhem import FIRST_BRANCH
-from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, TERMS
+from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, RESONANCE, TERMS
 from iwanjax.types import Scalar
 
 # Deviations of the joints' parameters about the values that the model was given: of the
@@ -70,8 +70,9 @@ class FreeLaw(Joint):
 
     Either all of them but that of the spring that yields along a curve, or that spring in place of
     the sliders, the yielding springs and the bristles: together these come so near to any
-    hysteresis that no data tell them apart. Its shape comes last in z, about that of the first
-    branch by a factor of e for each.
+    hysteresis that no data tell them apart. The frequency and the damping of the mass that
+    resonates come after the strengths in z, by factors of e^4 that nothing is known of; the shape
+    of the curve comes last, about that of the first branch by a factor of e for each.
 
     Attributes
     ----------
@@ -92,13 +93,14 @@ class FreeLaw(Joint):
 
     @property
     def count(self) -> int:
-        """Number of free strengths, and of the shape's."""
-        return self.terms.size + (FIRST_BRANCH.size if self.duhem else 0)
+        """Number of free strengths, of the resonance's, and of the shape's."""
+        return self.terms.size + RESONANCE.size + (FIRST_BRANCH.size if self.duhem else 0)
 
     @property
     def least(self) -> np.ndarray:
         """None of the spring's, nor of ways back: what is less elsewhere would feed energy."""
         strengths = np.where(self.terms < ELASTIC, -math.inf, 0.0)
+        strengths = np.append(strengths, np.full(RESONANCE.size, -math.inf))
         if not self.duhem:
             return strengths
         back = FIRST_BRANCH.size // 2 + 1
@@ -107,9 +109,19 @@ class FreeLaw(Joint):
     def at(self, z: Array) -> UnnamedLaw:
         """The law of these strengths."""
         assert isinstance(self.given, UnnamedLaw)
-        free = self.terms
+        shape = z[self.terms.size :]
+        resonance, branch = shape[: RESONANCE.size], shape[RESONANCE.size :]
         found = self.given.with_strengths(self.spread(z))
-        return found.with_branch(FIRST_BRANCH + z[free.size :]) if self.duhem else found
+        found = found.with_resonance(RESONANCE + _ANYTHING * resonance)
+        return found.with_branch(FIRST_BRANCH + branch) if self.duhem else found
+
+    def reached(self, law: UnnamedLaw) -> np.ndarray:
+        """The z at which it is a law whose other strengths are zero."""
+        free = self.terms
+        strengths = np.stack(law.strengths)[free] / np.asarray(self.loose)[free]
+        shapes = [(np.stack(law.resonance) - RESONANCE) / _ANYTHING]
+        shapes += [np.stack(law.branch) - FIRST_BRANCH] if self.duhem else []
+        return np.concatenate([strengths, *shapes])
 
     def spread(self, z: Array) -> Array:
         """Strengths of all terms, force."""

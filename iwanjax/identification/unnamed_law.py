@@ -1,9 +1,10 @@
 r"""A general law at a place, fitted to recordings beside the joints.
 
 Its strengths are linear in the force, each with a Gaussian prior about zero whose deviation is
-that of its part (spring, dampers, sliders, relaxation), and none but the spring's are negative.
-The search is that of every hypothesis: Gauss-Newton on the innovations of an observer of a longer
-and longer memory, up to the free run. Between memories each part's deviation :math:`s` is set to
+that of its group (the spline, saturating dampers, sliders, each power of the motion), and none but
+the spring's are negative. The search is that of every hypothesis: Gauss-Newton on the innovations
+of an observer of a longer and longer memory, up to the free run. Between memories each group's
+deviation :math:`s` is set to
 
 .. math:: s^2 = \frac{\sum_i w_i^2}{\sum_i \gamma_i}, \qquad
           \gamma_i = 1 - \frac{C_{ii}}{s^2}
@@ -15,24 +16,38 @@ by its strengths w and their covariance C (MacKay, Neural Computation 4, 1992, E
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from iwanjax.effects.kinds import UnnamedKind
-from iwanjax.identification.joint_priors import FreeLaw
+from iwanjax.identification.hypotheses import LawStart, with_law
+from iwanjax.identification.joint_priors import FreeLaw, joints_of
 from iwanjax.identification.likelihood import covariance
-from iwanjax.identification.multistart import HypothesisFit, multistart
+from iwanjax.identification.linearise import squares_at
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
-from iwanjax.joints import UnnamedLaw
-from iwanjax.joints.unnamed_terms import PARTS, TERMS
+from iwanjax.joints import AttachedOscillator, PlaceMotion, UnnamedLaw
+from iwanjax.joints.unnamed_terms import ELASTIC, GROUPS, PARTS, RESONATES, TERMS
 
-# A part's prior deviation changes no more than this in one round, either way: what a short memory
+SHAPED = np.array([PARTS["duhem"].start, RESONATES])
+"""Terms that have a shape of their own."""
+
+# A group's prior deviation changes no more than this in one round, either way: what a short memory
 # does not determine a longer one may.
 _MOST = 10.0
+
+
+class UnnamedStart(NamedTuple):
+    """Where to begin with a general law: the law, and the joints' z."""
+
+    law: UnnamedLaw
+    z: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +100,9 @@ class UnnamedFit:
         for memory in memories:
             if not in_time():
                 break
-            begun = loosened(found)
-            (fit,) = multistart(begun.problem, [begun.fitted.start], memory, steps, in_time=in_time)
-            found = UnnamedFit(self.place, begun.problem, fit)
+            wider = loosened(found)
+            (fit,) = multistart(wider.problem, [wider.fitted.start], memory, steps, in_time=in_time)
+            found = UnnamedFit(self.place, wider.problem, fit)
         return found
 
     @property
@@ -104,10 +119,10 @@ def with_unnamed_law(
     problem: HistoryProblem,
     kind: UnnamedKind,
     place: Place,
-    z: Sequence[np.ndarray],
+    begun: Sequence[UnnamedStart],
     duhem: bool = False,
 ) -> tuple[HistoryProblem, list[Start]]:
-    """A general law more at a place, without any force yet, and the search it takes.
+    """A general law more at a place, and the search it takes.
 
     Parameters
     ----------
@@ -117,24 +132,18 @@ def with_unnamed_law(
         What to call it.
     place : Place
         Where.
-    z : sequence of array
-        Joints to begin with, (parameters,), or these, the strengths of the free terms after them
-        and the shape of the curve.
+    begun : sequence of UnnamedStart
+        Laws to begin with, of the scales of that place, and the joints' z.
     duhem : bool
         Whether with a spring that yields along a curve in place of other hysteresis.
     """
     # As much force as bends the structure as far as the place has moved.
-    force, law = place.scales.deflection * place.scales.stiffness, blank_at(place)
-    joint, p = FreeLaw(law, jnp.full(len(TERMS), force), duhem), problem.parameters
-    free = joint.terms
-    own = np.stack([np.pad(each[p:], (0, p + joint.count - each.size)) for each in z])
-    # What a part begins with may be more, and no search would keep that far beyond its prior.
-    begun, loose = np.zeros(len(TERMS)), np.array(joint.loose)
-    begun[free] = np.max(np.abs(own[:, : free.size]), axis=0)
-    for part in PARTS.values():
-        loose[part] = max(force, float(np.max(begun[part])))
-    joint = replace(joint, loose=jax.device_put(loose))
-    own[:, : free.size] /= loose[free]
+    force, loose = place.scales.deflection * place.scales.stiffness, np.zeros(len(TERMS))
+    # What a group begins with may be more, and no search would keep that far beyond its prior.
+    largest = np.max(np.abs([np.stack(law.strengths) for law, _ in begun]), axis=0)
+    for part in GROUPS:
+        loose[part] = max(force, float(np.max(largest[part])))
+    joint = FreeLaw(blank_at(place), jax.device_put(loose), duhem)
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
@@ -148,7 +157,7 @@ def with_unnamed_law(
         problem, predictor=predictor, joints=(*problem.joints, joint), compiled=set(), _process={}
     )
     hypothesis = replace(other.nothing(), kinds=(kind,), where=(place.label,))
-    whole = [np.concatenate([each[:p], there]) for each, there in zip(z, own, strict=True)]
+    whole = [np.concatenate([z, joint.reached(law)]) for law, z in begun]
     return other, [Start(hypothesis, other.map.given(each)) for each in whole]
 
 
@@ -163,7 +172,7 @@ def fit_unnamed_law(
     problem: HistoryProblem,
     kind: UnnamedKind,
     place: Place,
-    z: Sequence[np.ndarray],
+    begun: Sequence[UnnamedStart],
     memories: Sequence[float],
     steps: int,
     in_time: Callable[[], bool] = lambda: True,
@@ -175,8 +184,8 @@ def fit_unnamed_law(
     ----------
     problem, kind, place
         As for :func:`with_unnamed_law`.
-    z : sequence of array
-        Where to begin, the best of which is gone on with after the first memory.
+    begun
+        As for :func:`with_unnamed_law`; the best is gone on with after the first memory.
     memories : sequence of float
         Of the observer, cycles; infinite for the free run.
     steps : int
@@ -186,21 +195,21 @@ def fit_unnamed_law(
     duhem
         As for :func:`with_unnamed_law`.
     """
-    here, starts = with_unnamed_law(problem, kind, place, z, duhem)
+    here, starts = with_unnamed_law(problem, kind, place, begun, duhem)
     fits = multistart(here, starts, memories[0], steps, in_time=in_time)
     found = UnnamedFit(place, here, min(fits, key=lambda each: each.cost))
     return found.onward(memories[1:], steps, in_time)
 
 
 def loosened(found: UnnamedFit) -> UnnamedFit:
-    """The same fit with each part's prior as wide as its strengths are."""
+    """The same fit with each group's prior as wide as its strengths are."""
     problem, fitted, joint = found.problem, found.fitted, found.joint
     determined, z = found.determined, np.zeros(len(TERMS))
     z[joint.terms] = fitted.theta.mean(axis=0)[found._strengths]
     factor = np.ones(len(TERMS))
-    for part in PARTS.values():
+    for part in GROUPS:
         size = math.sqrt(float(np.sum(z[part] ** 2)) / max(float(np.sum(determined[part])), 1e-12))
-        # Of a part of which nothing is known, as in a fit that broke down, it stays as it is.
+        # Of a group of which nothing is known, as in a fit that broke down, it stays as it is.
         factor[part] = min(max(size, 1.0 / _MOST), _MOST) if math.isfinite(size) else 1.0
     wider = FreeLaw(joint.given, jax.device_put(np.array(joint.loose) * factor), joint.duhem)
     rescaled = replace(problem, joints=(*problem.joints[:-1], wider))
@@ -208,3 +217,113 @@ def loosened(found: UnnamedFit) -> UnnamedFit:
     theta[:, found._strengths] /= factor[joint.terms]
     solution = replace(fitted.solution, values=theta)
     return UnnamedFit(found.place, rescaled, replace(fitted, solution=solution))
+
+
+def nearest_strengths(
+    place: Place, motion: PlaceMotion, force: np.ndarray, terms: np.ndarray
+) -> np.ndarray:
+    """Of a place's general law whose force in some motion is nearest to one.
+
+    By least squares, each strength at least what the law allows; none where the motion or the force
+    is no number. What has a shape of its own has none.
+
+    Parameters
+    ----------
+    place : Place
+        That the law is scaled to.
+    motion : PlaceMotion
+        Of the place, (recordings, N).
+    force : (recordings, N) array
+        To be come near to.
+    terms : array of int
+        Which may have any strength. Within what a place has seen splines make up any power of the
+        deflection: together one would cancel the other.
+
+    Returns
+    -------
+    (terms,) array
+        Of all terms.
+    """
+    blank, strengths = blank_at(place), np.zeros(len(TERMS))
+    terms = np.setdiff1d(terms, SHAPED)
+    each = jnp.eye(len(TERMS))[terms]
+    units = jax.vmap(lambda s: force_in(blank.with_strengths(s), motion))(each)
+    from scipy.optimize import nnls  # here, because few need it and it is slow to import
+
+    columns = np.asarray(units).reshape(len(terms), -1).T
+    if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(force))):
+        return strengths
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    columns = columns / size
+    # Springs may be negative.
+    elastic = int(np.sum(terms < ELASTIC))
+    found, _ = nnls(np.hstack([columns, -columns[:, :elastic]]), np.ravel(force), maxiter=10**5)
+    found[:elastic] -= found[len(terms) :]
+    strengths[terms] = found[: len(terms)] / size
+    return strengths
+
+
+@eqx.filter_jit
+def force_in(law: UnnamedLaw, motion: PlaceMotion) -> Array:
+    """The law's force along a place's motion, from rest on: (recordings, N).
+
+    That of masses that do not resonate by the accelerations: where an observer corrects deflections
+    and rates, those are no differences of them.
+    """
+    element = law.discrete()
+    inertia = element.masses.force(motion.d, motion.v, motion.a)
+    resonates = element.masses.m.at[:2].set(0.0)
+    element = eqx.tree_at(lambda e: e.masses.m, element, resonates)
+
+    def one(d: Array, v: Array) -> Array:
+        def advance(state: Any, end: tuple[Array, Array]) -> tuple[Any, Array]:
+            found = element.step(*end, motion.dt, state)
+            return found.state, found.force
+
+        return jax.lax.scan(advance, element.init(), (d, v))[1]
+
+    return inertia + jax.vmap(one)(motion.d, motion.v)
+
+
+def resonating(
+    problem: HistoryProblem,
+    place: Place,
+    beside: Sequence[np.ndarray],
+    steps: int,
+    in_time: Callable[[], bool] = lambda: True,
+) -> UnnamedStart:
+    """A general law that is nothing but the oscillator which leaves least when attached to a place.
+
+    No law of the place's own motion looks like something that moves by itself: from those no search
+    ends in a resonance. Of oscillators over the band of the modes, light and heavy, those that
+    leave least as they are are fitted with the shortest memory.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Of the model without it.
+    place : Place
+        Where.
+    beside : sequence of (parameters,) array
+        The joints' z to begin with.
+    steps : int
+        Of the search, at most.
+    in_time : function
+        False when it is time to stop.
+    """
+    oscillators = AttachedOscillator.begun(place.scales)
+    guesses = [LawStart(each, z) for z in beside for each in oscillators]
+    own, starts = with_law(problem, UnnamedKind(), place, guesses)
+    points = [(start.hypothesis, own.still(start.theta)) for start in starts]
+    order = np.argsort(squares_at(own, points, SHORT_TIME_CONSTANT), kind="stable")
+    near = [starts[i] for i in order[: problem.settings.joint_faults.near]]
+    fits = multistart(own, near, SHORT_TIME_CONSTANT, steps, in_time=in_time)
+    z = min(fits, key=lambda each: each.cost).theta.mean(axis=0)[: own.parameters]
+    found = joints_of(own.joints, jax.device_put(z))[-1]
+    m, k, c = (float(getattr(found, info.name)) for info in found.parameters)
+    law, strengths = blank_at(place), np.zeros(len(TERMS))
+    omega = 2.0 * math.pi / place.scales.period
+    strengths[RESONATES] = m * float(law.rate) * omega
+    shape = np.log([math.sqrt(k / m) / omega, 0.5 * c / math.sqrt(k * m)])
+    law = law.with_strengths(strengths).with_resonance(shape)
+    return UnnamedStart(law, z[: problem.parameters])

@@ -234,7 +234,7 @@ class Attached(AbstractDiscrete):
     def init(self) -> AttachedState:
         """At rest."""
         zero = jnp.zeros_like(self.m * self.k * self.c)
-        return AttachedState(zero, zero, zero, zero, jnp.zeros((2, 2)) * zero)
+        return AttachedState(zero, zero, zero, zero, jnp.zeros((2, 2)) * zero[..., None, None])
 
     def step(self, d: Array, v: Array, dt: Array, state: AttachedState) -> Reaction:
         """Move the foot to d, to arrive at rate v."""

@@ -23,7 +23,9 @@ from iwanjax.joints.unnamed_terms import (
     BRISTLES,
     ELASTIC,
     FADING,
+    OUTSIDE,
     PARTS,
+    RESONANCE,
     SHARES,
     SLIPS,
     TERMS,
@@ -43,9 +45,9 @@ class UnnamedLaw(AbstractJoint):
               + \sum_n b_n w_n + m_0\ddot d + m_2(x^2\ddot d + x\dot d\dot x)
               + b\,w
 
-    S is a cubic spline through the origin whose slope may change at each knot, R a sum of dampers
-    :math:`u/(|u| + \epsilon)`, of both sides of u, :math:`u|u|/(|u| + 0.1)`, :math:`u|u|`,
-    :math:`u^3` and :math:`x^2 u`;
+    S is a cubic spline through the origin whose slope may change at each knot, beside
+    :math:`x^2` and :math:`x^3`, R a sum of dampers :math:`u/(|u| + \epsilon)`, of both sides of u,
+    :math:`u|u|/(|u| + 0.1)`, :math:`u|u|`, :math:`u^3` and :math:`x^2 u`;
     :math:`\sigma_j` are the stretches of sliders that slip at :math:`\phi_j`, and
     :math:`\dot q_m + q_m/\tau_m = v`, and the springs :math:`z_l` yield as those of Bouc and Wen
     with the exponent 2, :math:`\dot z = v\,[1 - (z/\phi)^2]` where that grows and :math:`v` where
@@ -53,10 +55,11 @@ class UnnamedLaw(AbstractJoint):
     :math:`\phi\dot w = v - |v|\,w/g(u)` yield gradually either way (Dahl 1976), some with
     :math:`g = 1`, others the more the faster as dry friction does (Canudas de Wit et al. 1995),
     :math:`g = (1 + 2e^{-(au)^2})/3`. There is a mass and one that grows with the deflection, as
-    forces at the acceleration :math:`2\pi V/T`, and a spring that yields along a curve of any
+    forces at the acceleration :math:`2\pi V/T`, another that resonates
+    (:class:`~iwanjax.joints.AttachedOscillator`), and a spring that yields along a curve of any
     shape, :math:`dw = f(\pm w)\,|dx|` (:class:`~iwanjax.joints.duhem.DuhemSpring`). Beyond D the
-    spring S goes on straight, beyond V the quadratic and the cubic damper. All but its strengths
-    are at least zero, and :math:`f(w) \le f(-w)` for w > 0, so that no closed cycle feeds energy.
+    spline goes on straight, beyond 2D and 2V powers as well. All but its strengths are at least
+    zero, and :math:`f(w) \le f(-w)` for w > 0, so that no closed cycle feeds energy.
 
     Parameters
     ----------
@@ -70,6 +73,8 @@ class UnnamedLaw(AbstractJoint):
     branch : (25,) array_like, optional
         Logarithms of f(-|w|) D at the nodes of w from 0 to 1, then of f(-w)/f(w) at those after 0;
         by default Bouc and Wen's with the exponent 1 and a slip of D.
+    resonance : (2,) array_like, optional
+        Logarithms of the frequency, over 1/T, and of the damping ratio of the mass that resonates.
 
     Raises
     ------
@@ -88,6 +93,9 @@ class UnnamedLaw(AbstractJoint):
     branch: tuple[Array, ...] = eqx.field(
         converter=lambda x: _row(x, "branch"), default=tuple(FIRST_BRANCH.tolist())
     )
+    resonance: tuple[Array, ...] = eqx.field(
+        converter=lambda x: _row(x, "resonance"), default=tuple(RESONANCE.tolist())
+    )
 
     @classmethod
     def blank(cls, deflection: float, rate: float, period: float) -> Self:
@@ -96,12 +104,18 @@ class UnnamedLaw(AbstractJoint):
 
     def with_strengths(self, strengths: ArrayLike) -> Self:
         """The same with other strengths, (terms,)."""
-        return type(self)(strengths, self.deflection, self.rate, self.period, self.branch)
+        scales = self.deflection, self.rate, self.period
+        return type(self)(strengths, *scales, self.branch, self.resonance)
 
     def with_branch(self, branch: ArrayLike) -> Self:
         """The same with another shape of the spring that yields along a curve."""
-        strengths = jnp.stack(self.strengths)
-        return type(self)(strengths, self.deflection, self.rate, self.period, branch)
+        scales = self.deflection, self.rate, self.period
+        return type(self)(jnp.stack(self.strengths), *scales, branch, self.resonance)
+
+    def with_resonance(self, resonance: ArrayLike) -> Self:
+        """The same with another frequency and damping of the mass that resonates."""
+        scales = self.deflection, self.rate, self.period
+        return type(self)(jnp.stack(self.strengths), *scales, self.branch, resonance)
 
     def alone(self, *parts: str) -> Self:
         """Some of the parts by themselves, by their names in ``unnamed_terms.PARTS``."""
@@ -137,7 +151,7 @@ class UnnamedLaw(AbstractJoint):
     @property
     def limit_stiffness(self) -> Array:
         """Mean of the slopes that the spring goes on with, force/length."""
-        ends = self.deflection * jnp.array([-2.0, 2.0])
+        ends = 2.0 * OUTSIDE * self.deflection * jnp.array([-1.0, 1.0])
         return jnp.mean(_spring(self).curve(ends)[1])
 
     def discrete(self, sliders: int | None = None) -> Unnamed:
@@ -189,7 +203,8 @@ class UnnamedLaw(AbstractJoint):
         Sliders lose :math:`4k\phi(|d| - \phi)_+` each, relaxing springs
         :math:`\pi k d^2\omega\tau/(1 + \omega^2\tau^2)`, dampers :math:`\oint R\,dd`, yielding
         springs :math:`-k\phi^2[\ln(1 - w^2) + w^2]` to the share w of their slip at the tip,
-        bristles of steady slip :math:`4k\phi[|d| - \phi\tanh(|d|/\phi)]`.
+        bristles of steady slip :math:`4k\phi[|d| - \phi\tanh(|d|/\phi)]`, and the mass that
+        resonates as an :class:`~iwanjax.joints.AttachedOscillator`.
 
         Parameters
         ----------
@@ -204,7 +219,7 @@ class UnnamedLaw(AbstractJoint):
         slipped = jnp.maximum(amplitude[..., None] - bank.phi, 0.0)
         lost = 4.0 * jnp.sum(bank.k * bank.phi * slipped, axis=-1)
         lost = lost + _yielding(self).cycle(amplitude) + _bristles(self).cycle(amplitude, w)
-        lost = lost + _duhem(self).cycle(amplitude)
+        lost = lost + _duhem(self).cycle(amplitude) + _masses(self).dissipation(amplitude, w)
         angle = w * all_of.relaxing.c
         stored = all_of.relaxation * angle / (1.0 + angle**2)
         lost = lost + jnp.pi * jnp.sum(stored) / self.deflection * amplitude**2
@@ -235,6 +250,11 @@ class UnnamedLaw(AbstractJoint):
             raise InputError(
                 f"UnnamedLaw: branch has {len(self.branch)} numbers; expected {FIRST_BRANCH.size}, "
                 "two for each node but the first"
+            )
+        if len(self.resonance) != RESONANCE.size:
+            raise InputError(
+                f"UnnamedLaw: resonance has {len(self.resonance)} numbers; expected 2, logarithms "
+                "of a frequency and of a damping ratio"
             )
         if len(self.strengths) != len(TERMS):
             raise InputError(
@@ -286,8 +306,9 @@ def _bristles(law: UnnamedLaw) -> Bristles:
 
 
 def _masses(law: UnnamedLaw) -> Masses:
-    force = jnp.stack(law.strengths[PARTS["inertia"]])
-    return Masses.of(force, law.deflection, law.rate, law.period)
+    force = jnp.stack(law.strengths[PARTS["inertia"]] + law.strengths[PARTS["resonance"]])
+    resonance = jnp.stack(law.resonance)
+    return Masses.of(force, law.deflection, law.rate, law.period, resonance)
 
 
 def _duhem(law: UnnamedLaw) -> DuhemSpring:

@@ -1,4 +1,4 @@
-"""Inertia of the general law: a mass, and one that grows with the square of the deflection."""
+"""Inertia of the general law: a mass, one that grows with the deflection, one that resonates."""
 
 from typing import NamedTuple
 
@@ -16,24 +16,25 @@ _HELD = 300.0
 
 
 class Masses(NamedTuple):
-    r"""Masses held stiffly on feet that move with a place, :math:`y = d` and :math:`y = d^2/2D`.
+    r"""Masses on feet that move with a place, :math:`y = d` and :math:`y = d^2/2D`.
 
     The second's kinetic energy :math:`\frac12 m (d/D)^2\dot d^2` is that of a mass that grows with
     the square of the deflection,
 
     .. math:: F = m\left[(d/D)^2\,\ddot d + d\,\dot d^2/D^2\right] = m\,\ddot y\,\frac{dy}{dd} .
 
-    Each is an :class:`~iwanjax.joints.AttachedOscillator` far above the motion: forces follow from
-    deflections and rates alone, and no history feeds energy.
+    Each is an :class:`~iwanjax.joints.AttachedOscillator`: forces follow from deflections and rates
+    alone, and no history feeds energy. These two are held stiffly, far above the motion; a third
+    one, on a foot that moves as the first one's, resonates.
 
     Attributes
     ----------
-    m : (2,) array
+    m : (3,) array
         Force x time^2/length.
     D : array
         Deflection at which the second one is m, length.
     held : Attached
-        A mass of 1 on its foot.
+        Masses of 1 on their feet, (3,).
     """
 
     m: Array
@@ -41,22 +42,27 @@ class Masses(NamedTuple):
     held: Attached
 
     @classmethod
-    def of(cls, force: Array, deflection: Array, rate: Array, period: Array) -> "Masses":
-        """Of their forces (2,) at the acceleration of a harmonic motion of that period."""
+    def of(
+        cls, force: Array, deflection: Array, rate: Array, period: Array, resonance: Array
+    ) -> "Masses":
+        """Of their forces (3,) at the acceleration of a harmonic motion of that period."""
         omega = 2.0 * np.pi / period
-        one = jnp.ones_like(omega)
-        held = Attached(one, (_HELD * omega) ** 2, 2.0 * _HELD * omega)
+        # Held critically damped; the last one as it resonates.
+        times, ratio = jnp.array([[_HELD, _HELD, 1.0], [1.0, 1.0, 1.0]])
+        own = omega * times.at[2].set(jnp.exp(resonance[0]))
+        damped = 2.0 * ratio.at[2].set(jnp.exp(resonance[1])) * own
+        held = Attached(jnp.ones_like(own), own**2, damped)
         return cls(force / (rate * omega), deflection, held)
 
     def init(self) -> AttachedState:
-        """At rest; leaves are of both masses, (2, ...)."""
-        return jax.tree.map(lambda x: jnp.stack([x, x]), self.held.init())
+        """At rest; leaves are of all masses, (3, ...)."""
+        return jax.vmap(Attached.init)(self.held)
 
     def step(self, d: Array, v: Array, dt: Array, state: AttachedState) -> Reaction:
         """Move to d, to arrive at rate v."""
         foot, rate, arm = self._feet(d, v)
-        found = jax.vmap(self.held.step, (0, 0, None, 0))(foot, rate, dt, state)
-        turned = jnp.stack([jnp.zeros_like(d), jnp.ones_like(d)]) / self.D
+        found = jax.vmap(Attached.step, (0, 0, 0, None, 0))(self.held, foot, rate, dt, state)
+        turned = jnp.stack([jnp.zeros_like(d), jnp.ones_like(d), jnp.zeros_like(d)]) / self.D
         own = found.stiffness * arm + found.damping * turned * v
         return Reaction(
             jnp.sum(self.m * found.force * arm),
@@ -71,20 +77,26 @@ class Masses(NamedTuple):
     ) -> AttachedState:
         """The same step from a state at d and v with another end, exact as its feet are."""
         foot, rate, _ = self._feet(d + by, v + faster)
-        settle = jax.vmap(self.held.settled, (0, 0, 0, None))
-        return settle(state, foot - state.d, rate - state.v, jnp.zeros_like(d))
+        settle = jax.vmap(Attached.settled, (0, 0, 0, 0, None))
+        return settle(self.held, state, foot - state.d, rate - state.v, jnp.zeros_like(d))
 
     def force(self, d: Array, v: Array, a: Array) -> Array:
-        """Where the acceleration is known: (...,) as the deflection, its rate and that."""
+        """Of what is held stiffly, where the acceleration is known: (...,) as all of these."""
         x = d / self.D
         return self.m[0] * a + self.m[1] * x * (x * a + v**2 / self.D)
 
     def energy(self, state: AttachedState) -> Array:
         """Of the masses in motion and of what holds them, force x length."""
-        return jnp.sum(self.m * jax.vmap(self.held.energy)(state.d, state))
+        return jnp.sum(self.m * jax.vmap(Attached.energy)(self.held, state.d, state))
+
+    def dissipation(self, d: Array, omega: Array) -> Array:
+        """Of the one that resonates in a harmonic cycle of amplitude d."""
+        m, k, c = self.m[2], self.held.k[2], self.held.c[2]
+        drag = c * omega
+        return jnp.pi * d**2 * m * omega**4 * drag / ((k - omega**2) ** 2 + drag**2)
 
     def _feet(self, d: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Deflections and rates of both feet, and by what they move with the place, (2,) each."""
+        """Deflections and rates of all feet, and by what they move with the place, (3,) each."""
         x = d / self.D
-        arm = jnp.stack([jnp.ones_like(x), x])
-        return jnp.stack([d, 0.5 * d * x]), arm * v, arm
+        arm = jnp.stack([jnp.ones_like(x), x, jnp.ones_like(x)])
+        return jnp.stack([d, 0.5 * d * x, d]), arm * v, arm

@@ -13,7 +13,7 @@ from iwanjax.joints.maxwell import Relaxing, RelaxingState
 from iwanjax.joints.sliders import SliderBank, SliderState
 from iwanjax.joints.unnamed_inertia import Masses
 from iwanjax.joints.unnamed_parts import Bristles, SplineSpring, YieldingSprings
-from iwanjax.joints.unnamed_terms import RATES, RISE
+from iwanjax.joints.unnamed_terms import OUTSIDE, RATES, RISE
 
 
 class UnnamedState(NamedTuple):
@@ -32,7 +32,7 @@ class UnnamedState(NamedTuple):
     w : (bristles,) array
         Shares of their slip of the bristles.
     masses : AttachedState
-        Of both masses, (2, ...).
+        Of all masses, (3, ...).
     branch : array
         Share of its force of the spring that yields along a curve.
     """
@@ -69,7 +69,7 @@ class Unnamed(AbstractDiscrete):
     bristles : Bristles
         Springs that yield gradually either way, some the more the faster.
     masses : Masses
-        One of constant size, and one that grows with the deflection.
+        One of constant size, one that grows with the deflection, and one that resonates.
     duhem : DuhemSpring
         A spring that yields along a curve of any shape.
     """
@@ -100,11 +100,12 @@ class Unnamed(AbstractDiscrete):
         u, x = v / self.V, d / self.D
         size = jnp.abs(u)
         saturating = [(1.0 + e) * u / (size + e) for e in RATES]
-        far = jnp.maximum(size, 1.0)
-        drag = u * jnp.where(size < 1.0, size, 2.0 - 1.0 / far)
-        cubic = u * jnp.where(size < 1.0, size**2, 3.0 - 2.0 / far)
+        # Beyond twice the fastest motion on along the tangent.
+        b, far, within = OUTSIDE, jnp.maximum(size, OUTSIDE), size < OUTSIDE
+        drag = u * jnp.where(within, size, 2.0 * b - b**2 / far)
+        cubic = u * jnp.where(within, size**2, 3.0 * b**2 - 2.0 * b**3 / far)
         rising = (1.0 + RISE) * u * size / (size + RISE)
-        apart = jnp.minimum(x**2, 1.0) * u
+        apart = jnp.minimum(x**2, b**2) * u
         sides = jnp.maximum(u, 0.0), jnp.minimum(u, 0.0)
         terms = (*saturating, *sides, rising, drag, cubic, apart)
         pairs = zip(self.dampers, terms, strict=True)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.joints import duhem
-from iwanjax.joints.unnamed_terms import INTERVALS, KNOTS
+from iwanjax.joints.unnamed_terms import INTERVALS, KNOTS, OUTSIDE
 
 CYCLE = 128
 """Steps that losses of a cycle are summed over: exact for powers of the rate to 1e-4."""
@@ -35,7 +35,7 @@ class SplineSpring(NamedTuple):
 
     def _at(self, d: Array) -> tuple[Array, tuple[Array, ...], Array]:
         x = d / self.D
-        inside = jnp.clip(x, -1.0, 1.0)
+        inside = jnp.clip(x, -OUTSIDE, OUTSIDE)
         i = jnp.clip(jnp.searchsorted(KNOTS, inside, side="right") - 1, 0, len(KNOTS) - 2)
         return inside - jnp.asarray(KNOTS)[i], tuple(self.c[j][i] for j in range(5)), x - inside
 

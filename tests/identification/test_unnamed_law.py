@@ -5,12 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_pair import ROWS, C, measured_force, problem, simulated, stiffness_with_joint
+from linear_pair import ROWS, C, M, measured_force, problem, simulated, stiffness_with_joint
 
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.identification.linearise import residuals_at
-from iwanjax.identification.unnamed_law import fit_unnamed_law, loosened, with_unnamed_law
-from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, PARTS, TERMS
+from iwanjax.identification.unnamed_law import (
+    UnnamedStart,
+    blank_at,
+    fit_unnamed_law,
+    loosened,
+    resonating,
+    with_unnamed_law,
+)
+from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, PARTS, RESONATES, TERMS
 
 NOISE = np.array([0.03, 0.02])
 MORE, DAMPER = 4e3, 6.0
@@ -28,10 +35,16 @@ def pair():
     return made, {each.label: each for each in places}
 
 
+def no_force(made, place):
+    return UnnamedStart(blank_at(place), np.zeros(made.parameters))
+
+
 def test_a_law_without_strength_changes_no_residual(pair):
     made, places = pair
     z = np.zeros(made.parameters)
-    other, (start,) = with_unnamed_law(made, UnnamedKind(), places["m2"], [z])
+    other, (start,) = with_unnamed_law(
+        made, UnnamedKind(), places["m2"], [no_force(made, places["m2"])]
+    )
     at = made.nothing(), made.still(made.map.given(z))
     (without,) = residuals_at(made, [at], 8.0)
     (with_it,) = residuals_at(other, [(start.hypothesis, other.still(start.theta))], 8.0)
@@ -52,23 +65,51 @@ def test_a_part_begins_as_strong_as_it_is_known_to_be(pair):
     usual = place.scales.deflection * place.scales.stiffness
     strengths[PARTS["damper"]] = 100.0 * usual
     strengths[0] = -0.5 * usual
-    z = np.concatenate([np.zeros(made.parameters), strengths[BANKS]])
-    begun = fit_unnamed_law(made, UnnamedKind(), place, [np.zeros(made.parameters), z], (2.0,), 0)
-    loose = np.asarray(begun.joint.loose)
+    none = no_force(made, place)
+    strong = UnnamedStart(none.law.with_strengths(strengths), none.z)
+    other, (_, start) = with_unnamed_law(made, UnnamedKind(), place, [none, strong])
+    joint = other.joints[-1]
+    loose = np.asarray(joint.loose)
     assert loose[PARTS["damper"]] == pytest.approx(100.0 * usual)
     assert loose[PARTS["spring"]] == pytest.approx(usual)
-    _, (_, start) = with_unnamed_law(made, UnnamedKind(), place, [z[: made.parameters], z])
     own = start.theta[made.parameters :][: BANKS.size]
-    np.testing.assert_allclose(begun.joint.spread(own), strengths)
+    np.testing.assert_allclose(joint.spread(own), strengths)
+
+
+def test_an_oscillator_is_where_a_law_that_resonates_begins():
+    """Attached to m2; the general law begins as it, and leaves what it leaves."""
+    m, w, ratio = 0.05, 2.0 * math.pi * 70.0, 0.03
+    mass, row = np.diag([*np.diag(M), m]), np.array([0.0, 1.0, -1.0])
+    stiffness, damping = np.zeros((2, 3, 3))
+    stiffness[:2, :2], damping[:2, :2] = stiffness_with_joint(), C
+    stiffness += m * w**2 * np.outer(row, row)
+    damping += 2.0 * ratio * m * w * np.outer(row, row)
+    whole, random = (
+        {"mass": mass, "stiffness": stiffness, "damping": damping},
+        np.random.default_rng(6),
+    )
+    seen = [simulated(peak, struck=at, **whole) for peak, at in HITS]
+    seen = [y + NOISE * random.standard_normal(y.shape) for y in seen]
+    made, places = problem(seen, [measured_force(*hit) for hit in HITS], NOISE)
+    (place,) = (each for each in places if each.label == "m2")
+    begun = resonating(made, place, [np.zeros(made.parameters)], 12)
+    frequency, damped = np.exp(np.stack(begun.law.resonance)) / [place.scales.period, 1.0]
+    assert frequency == pytest.approx(70.0, rel=0.01)
+    assert damped == pytest.approx(ratio, rel=0.2)
+    carried = np.stack(begun.law.strengths)[RESONATES]
+    assert carried == pytest.approx(
+        m * float(begun.law.rate) * 2.0 * math.pi / place.scales.period, rel=0.1
+    )
+    found = fit_unnamed_law(made, UnnamedKind(), place, [begun], (2.0,), 0)
+    assert found.fitted.misfit.sum() < 1.1 * np.count_nonzero(made.data.weight)
 
 
 @pytest.mark.long
 def test_a_missing_spring_and_damper_are_the_law_that_is_fitted(pair):
     made, places = pair
     place = places["m2"]
-    found = fit_unnamed_law(
-        made, UnnamedKind(), place, [np.zeros(made.parameters)], (2.0, 8.0, math.inf), 12
-    )
+    begun = [no_force(made, place)]
+    found = fit_unnamed_law(made, UnnamedKind(), place, begun, (2.0, 8.0, math.inf), 12)
     law, reach = found.law, place.scales.deflection
     assert all(float(each) >= 0.0 for each in law.strengths[ELASTIC:])
     d = reach * np.array([-0.9, -0.4, 0.3, 0.8])

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import iwanjax as ij
-from iwanjax.joints import AttachedOscillator, Dashpot, Inertia, Scales
+from iwanjax.joints import AttachedOscillator, Dashpot, Inertia, Scales, UnnamedLaw
+from iwanjax.joints.unnamed_terms import RESONATES, TERMS
 
 M, K, C = 0.3, 4.0e3, 5.0
 
@@ -108,16 +109,32 @@ def test_it_is_a_damper_where_its_mass_stays_at_rest():
     assert abs(float(heavy.secant(1.0, omega=w))) < 3e-3 * C * w
 
 
-def test_a_structure_carries_it_as_one_of_its_own_masses():
+def thirds():
+    return {f"J{i}": ([1.0], AttachedOscillator(M / 3, K / 3, C / 3)) for i in range(3)}
+
+
+def general_law():
+    """What resonates of it, its scales those of another motion."""
+    strengths, w = np.zeros(len(TERMS)), np.sqrt(K / M)
+    strengths[RESONATES] = M * 2.0 * (2.0 * np.pi / 0.05)
+    shape = np.log([w * 0.05 / (2.0 * np.pi), 0.5 * C / np.sqrt(K * M)])
+    law = UnnamedLaw(strengths, 1e-3, 2.0, 0.05).with_resonance(shape)
+    return {"J": ([1.0], law)}
+
+
+@pytest.mark.parametrize(
+    "carried",
+    [lambda: {"J": ([1.0], AttachedOscillator(M, K, C))}, thirds, general_law],
+    ids=["one", "in three parts", "general law"],
+)
+def test_a_structure_carries_it_as_one_of_its_own_masses(carried):
     """A mass on a spring that carries another, by the eigenvectors of both."""
     m, k = np.array([2.0, M]), 9.0e3
     alone = ij.LinearStructure([[m[0]]], [[3.0]], [[k]])
     dt, N = 2e-4, 4000
     push = np.zeros((N, 1))
     push[:40, 0] = np.sin(np.pi * np.arange(40) / 40)
-    found = ij.simulate(
-        ij.JointedStructure(alone, {"J": ([1.0], AttachedOscillator(M, K, C))}), push, dt
-    )
+    found = ij.simulate(ij.JointedStructure(alone, carried()), push, dt)
     both = ij.LinearStructure(np.diag(m), [[3.0 + C, -C], [-C, C]], [[k + K, -K], [-K, K]])
     pair = ij.simulate(ij.JointedStructure(both, {}), np.hstack([push, 0 * push]), dt)
     expected = np.asarray(pair.displacement)[:, 0]

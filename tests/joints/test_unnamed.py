@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import nnls
 
 import iwanjax as ij
-from iwanjax.joints import BoucWen, UnnamedLaw
+from iwanjax.joints import AttachedOscillator, BoucWen, UnnamedLaw
 from iwanjax.joints.unnamed_terms import (
     ELASTIC,
     KNOTS,
     PARTS,
     RATES,
+    RESONATES,
     SHARES,
     SLIPS,
     TERMS,
@@ -41,8 +42,11 @@ def drawn(seed: int, *parts: str) -> UnnamedLaw:
 
 
 def test_the_spring_is_the_natural_cubic_spline_through_its_knots():
-    law = drawn(1, "spring")
-    knots = D * KNOTS
+    """Without the powers beside it; straight beyond what it was fitted to."""
+    strengths = np.array(drawn(1, "spring").strengths)
+    strengths[ELASTIC - 2 : ELASTIC] = 0.0
+    law = UnnamedLaw(strengths, D, V, T)
+    knots = D * KNOTS[1:-1]
     other = CubicSpline(knots, np.asarray(law.backbone(knots)), bc_type="natural")
     d = np.linspace(-D, D, 501)
     np.testing.assert_allclose(law.backbone(d), other(d), atol=1e-11)
@@ -52,6 +56,33 @@ def test_the_spring_is_the_natural_cubic_spline_through_its_knots():
         end, slope = other(side * D), other(side * D, 1)
         expected = end + slope * (side * beyond - side * D)
         np.testing.assert_allclose(law.backbone(side * beyond), expected, rtol=1e-10)
+
+
+def test_powers_of_the_motion_go_on_to_twice_the_largest_and_straight_from_there():
+    def named(**strengths):
+        found = np.zeros(len(TERMS))
+        for name, strength in strengths.items():
+            found[TERMS.index(name.replace("_", " "))] = strength
+        return UnnamedLaw(found, D, V, T)
+
+    x = np.array([-3.0, -1.7, -0.4, 0.02, 1.0, 1.9, 2.5])
+    inside, beyond = np.clip(x, -2.0, 2.0), x - np.clip(x, -2.0, 2.0)
+    law = named(quadratic_spring=3.0, cubic_spring=-1.5)
+    slope = 6.0 * inside - 4.5 * inside**2
+    expected = 3.0 * inside**2 - 1.5 * inside**3 + slope * beyond
+    np.testing.assert_allclose(law.backbone(D * x), expected, atol=1e-12)
+    np.testing.assert_allclose(law.tangent(D * x), slope / D, rtol=1e-12)
+    by = law.discrete()
+    stored = [float(by.energy(jnp.asarray(D * each), by.init())) for each in x]
+    work = [D * quad(lambda y: float(law.backbone(D * y)), 0.0, end, limit=200)[0] for end in x]
+    np.testing.assert_allclose(stored, work, rtol=1e-8, atol=1e-14)
+    size, still = np.minimum(np.abs(x), 2.0), 0.0 * x
+    for name, power in (("quadratic_damper", 2), ("cubic_damper", 3)):
+        drag = size**power + power * size ** (power - 1) * (np.abs(x) - size)
+        found = named(**{name: 5.0}).discrete().damper(still, V * x)
+        np.testing.assert_allclose(found, 5.0 * np.sign(x) * drag, rtol=1e-12)
+    found = named(damper_of_large_deflections=5.0).discrete().damper(D * x, V * np.ones(x.size))
+    np.testing.assert_allclose(found, 5.0 * inside**2, rtol=1e-12)
 
 
 def test_a_slider_between_two_nodes_is_made_up_of_both():
@@ -137,6 +168,28 @@ def test_masses_follow_their_equations(which, pace):
     assert float(jnp.sum(loss)) < 2e-3 * size * D
     assert float(law.dissipation(0.7 * D)) == 0.0
     assert float(law.backbone(0.7 * D)) == 0.0
+
+
+def test_the_mass_that_resonates_is_an_attached_oscillator():
+    """Along a motion from rest, and over a steady cycle."""
+    m, w, ratio = 0.3, 1.7 * 2 * np.pi / T, 0.02
+    law = UnnamedLaw.blank(D, V, T).with_resonance(np.log([1.7, ratio]))
+    strengths = np.zeros(len(TERMS))
+    strengths[RESONATES] = m * V * 2 * np.pi / T
+    law = law.with_strengths(strengths)
+    other = AttachedOscillator(m, m * w**2, 2 * ratio * m * w)
+    t = np.linspace(0.0, 4 * T, 801)
+    d = jnp.asarray(D * np.sin(2 * np.pi * t / T) * (1.0 - np.exp(-((3 * t / T) ** 2))))
+    dt = jnp.asarray(t[1])
+    v = jnp.gradient(d, dt)
+    expected = moved_along(other.discrete(), d, v, dt)
+    for found, known in zip(moved_along(law.discrete(), d, v, dt), expected, strict=True):
+        np.testing.assert_allclose(found, known, atol=1e-12 * np.max(np.abs(known)))
+    for omega in (0.3 * w, w, 2.0 * w):
+        lost = float(law.dissipation(0.7 * D, omega=omega))
+        assert lost == pytest.approx(float(other.dissipation(0.7 * D, omega=omega)), rel=1e-12)
+    with pytest.raises(ij.InputError, match="resonance has 1 numbers; expected 2"):
+        law.with_resonance([0.0])
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from iwanjax.discrepancy.histories.likeness import SizedLaw, nearest_pairs
 from iwanjax.discrepancy.histories.ranking import (
@@ -22,7 +20,7 @@ from iwanjax.discrepancy.histories.ranking import (
     placed,
 )
 from iwanjax.discrepancy.histories.restarts import FAR
-from iwanjax.effects.kinds import ForceKind, UnnamedKind
+from iwanjax.effects.kinds import ForceKind, JointKind, UnnamedKind
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE, shares
 from iwanjax.estimation.settings import SEARCH
 from iwanjax.identification import hypotheses
@@ -33,10 +31,19 @@ from iwanjax.identification.linearise import squares_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
-from iwanjax.identification.unnamed_law import UnnamedFit, blank_at, fit_unnamed_law
-from iwanjax.joints import PlaceMotion, UnnamedLaw
-from iwanjax.joints.duhem import FIRST_BRANCH, nearest_branch, scaled
-from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, PARTS, TERMS
+from iwanjax.identification.unnamed_law import (
+    SHAPED,
+    UnnamedFit,
+    UnnamedStart,
+    blank_at,
+    fit_unnamed_law,
+    force_in,
+    nearest_strengths,
+    resonating,
+)
+from iwanjax.joints import AttachedOscillator, PlaceMotion
+from iwanjax.joints.duhem import nearest_branch, scaled
+from iwanjax.joints.unnamed_terms import BANKS, BENDS, PARTS, POWERS, RESONATES
 
 # Terms of a force that depends on where the motion has been.
 _HYSTERESIS = ("sliders", "yielding", "bristles")
@@ -79,10 +86,11 @@ def general_law(
     """The general law where it explains most, fitted with the shortest memory.
 
     Each of the places where something acts most likely, by all laws there at once, is tried for a
-    few steps: from the joints of the nominal fit and as given, and from what the best named force
-    there does, for from no force there may be no way to a large one. The best is gone on with, for
-    as long as it gains, as it is or with a spring that yields along a curve in place of other
-    hysteresis; the others as well where it leaves much more than noise.
+    few steps: from the joints of the nominal fit and as given, from what the best named force there
+    does, for from no force there may be no way to a large one, and where that is no name from an
+    attached oscillator. The best is gone on with, for as long as it gains, as it is or with a
+    spring that yields along a curve in place of other hysteresis; the others as well where it
+    leaves much more than noise.
 
     Parameters
     ----------
@@ -128,13 +136,18 @@ def _begun_at(
     scope.progress(f"a general law at {place.label}")
     z = nominal.theta.mean(axis=0)[: problem.parameters]
     forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
-    starts, stopped = [z, problem.with_given_joints(z)], False
+    beside, blank, stopped = [z, problem.with_given_joints(z)], blank_at(place), False
+    starts = [UnnamedStart(blank, each) for each in beside]
     for each in forces[:1]:
         motion, force = _named_force(each.fitted, problem, place)
         stopped = place.stopped(motion.v, force, float(problem.predictor.dt))
-        strengths = nearest_strengths(place, motion, force, BANKS)[BANKS]
         own = each.fitted.theta.mean(axis=0)[: problem.parameters]
-        starts.append(np.concatenate([own, strengths]))
+        # A spring of splines, or one of powers.
+        for less in (POWERS, BENDS):
+            near = nearest_strengths(place, motion, force, np.setdiff1d(BANKS, less))
+            starts.append(UnnamedStart(blank.with_strengths(near), own))
+    if not any(isinstance(k, JointKind) and k.law is AttachedOscillator for k in scope.kinds):
+        starts.append(resonating(problem, place, beside, STEPS, scope.in_time))
     begun = problem, UnnamedKind(), place, starts, (SHORT_TIME_CONSTANT,)
     return fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time), stopped
 
@@ -185,8 +198,8 @@ def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> 
         strength, branch = nearest_branch(np.asarray(motion.d), np.asarray(motion.v), force)
         strengths = others * np.stack(law.strengths)
         strengths[PARTS["duhem"]] = strength
-        branch = scaled(branch, float(law.deflection))
-        starts.append(np.concatenate([joints, strengths[DUHEM], branch - FIRST_BRANCH]))
+        yielding = law.with_strengths(strengths).with_branch(scaled(branch, float(law.deflection)))
+        starts.append(UnnamedStart(yielding, joints))
     short = (SHORT_TIME_CONSTANT,)
     begun = problem, UnnamedKind(), place, starts, short, SEARCH.head_start
     return fit_unnamed_law(*begun, scope.in_time, duhem=True)
@@ -229,18 +242,21 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     seen = found.place.scales._replace(deflection=largest, period=period)
     there, z = replace(found.place, scales=seen), found.fitted.theta.mean(axis=0)
     seen_by = _first(motion, problem)
-    joint, law = found.joint, found.law
-    # The curve is brought to the scale as it is, other terms by the force that they make.
-    terms = np.setdiff1d(joint.terms, np.arange(len(TERMS))[PARTS["duhem"]])
-    others = np.isin(np.arange(len(TERMS)), terms) * jnp.stack(law.strengths)
+    joint, law, now = found.joint, found.law, blank_at(there)
+    # Some are brought to the scale as they are, other terms by the force that they make.
+    as_is = np.stack(law.strengths)
+    as_is[POWERS] *= (largest / reach) ** np.array([2.0, 3.0])
+    slower = period / float(law.period)
+    as_is[RESONATES] *= fastest / float(law.rate) / slower
+    others = np.stack(law.strengths)
+    kept = np.append(POWERS, SHAPED)
+    others[kept] = 0.0
     force = np.asarray(force_in(law.with_strengths(others), seen_by))
-    own = nearest_strengths(there, seen_by, force, terms)[joint.terms]
-    if joint.duhem:
-        own[joint.terms >= PARTS["duhem"].start] = float(law.strengths[PARTS["duhem"]][0])
-        branch = scaled(np.stack(law.branch), largest / reach)
-        own = np.concatenate([own, branch - FIRST_BRANCH])
-    z = np.concatenate([z[: problem.parameters], own])
-    begun = problem, UnnamedKind(), there, [z]
+    own = nearest_strengths(there, seen_by, force, np.setdiff1d(joint.terms, POWERS))
+    own[kept] = as_is[kept]
+    now = now.with_strengths(own).with_branch(scaled(np.stack(law.branch), largest / reach))
+    now = now.with_resonance(np.stack(law.resonance) + np.log([slower, 1.0]))
+    begun = problem, UnnamedKind(), there, [UnnamedStart(now, z[: problem.parameters])]
     short = (SHORT_TIME_CONSTANT,)
     moved = fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
     # Strengths that are as near as they can be to another scale's may be where no search returns.
@@ -269,47 +285,6 @@ def _named_force(
     return motion, force
 
 
-def nearest_strengths(
-    place: Place, motion: PlaceMotion, force: np.ndarray, terms: np.ndarray
-) -> np.ndarray:
-    """Of a place's general law whose force in some motion is nearest to one.
-
-    By least squares, each strength at least what the law allows; none where the motion or the force
-    is no number.
-
-    Parameters
-    ----------
-    place : Place
-        That the law is scaled to.
-    motion : PlaceMotion
-        Of the place, (recordings, N).
-    force : (recordings, N) array
-        To be come near to.
-    terms : array of int
-        Which may have any strength, all of the spring among them.
-
-    Returns
-    -------
-    (terms,) array
-        Of all terms.
-    """
-    blank, strengths = blank_at(place), np.zeros(len(TERMS))
-    each = jnp.eye(len(TERMS))[terms]
-    units = jax.vmap(lambda s: force_in(blank.with_strengths(s), motion))(each)
-    from scipy.optimize import nnls  # here, because few need it and it is slow to import
-
-    columns = np.asarray(units).reshape(len(terms), -1).T
-    if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(force))):
-        return strengths
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    columns = columns / size
-    # Springs may be negative.
-    found, _ = nnls(np.hstack([columns, -columns[:, :ELASTIC]]), np.ravel(force), maxiter=10**5)
-    found[:ELASTIC] -= found[len(terms) :]
-    strengths[terms] = found[: len(terms)] / size
-    return strengths
-
-
 def motion_of(fit: UnnamedFit) -> PlaceMotion:
     """What the place did in the fitted recordings, by the model with the law: (recordings, N)."""
     return _motion(fit.problem, fit.fitted, fit.place)
@@ -333,27 +308,6 @@ def _first(motion: PlaceMotion, problem: HistoryProblem) -> PlaceMotion:
     most = problem.settings.illustration.longest
     d, v, a, moved = (x[:, :most] for x in motion[:4])
     return PlaceMotion(d, v, a, moved, motion.dt)
-
-
-@eqx.filter_jit
-def force_in(law: UnnamedLaw, motion: PlaceMotion) -> Array:
-    """The law's force along a place's motion, from rest on: (recordings, N).
-
-    That of its masses by the accelerations: where an observer corrects deflections and rates, those
-    are no differences of them.
-    """
-    element = law.discrete()
-    inertia = element.masses.force(motion.d, motion.v, motion.a)
-    element = eqx.tree_at(lambda e: e.masses.m, element, jnp.zeros_like(element.masses.m))
-
-    def one(d: Array, v: Array) -> Array:
-        def advance(state: Any, end: tuple[Array, Array]) -> tuple[Any, Array]:
-            found = element.step(*end, motion.dt, state)
-            return found.state, found.force
-
-        return jax.lax.scan(advance, element.init(), (d, v))[1]
-
-    return inertia + jax.vmap(one)(motion.d, motion.v)
 
 
 def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> list[RankedFit]:

@@ -72,7 +72,10 @@ def _words(
         words.append("a force that relaxes with time")
     if "inertia" in acting:
         words.append("inertia that grows with the deflection" if _grows(law) else "inertia")
-    if not acting & {"sliders", "relaxation", "yielding", "bristles", "duhem"}:
+    if "resonance" in acting:
+        frequency, ratio = np.exp(np.stack(law.resonance)) / [float(law.period), 1.0]
+        words.append(f"a resonance at {frequency:.3g} Hz with a damping ratio of {ratio:.2g}")
+    if not acting & {"sliders", "relaxation", "yielding", "bristles", "duhem", "resonance"}:
         words.append("no memory")
     return words
 

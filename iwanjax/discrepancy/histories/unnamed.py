@@ -10,12 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy.findings import Suspect, UnnamedForce
-from iwanjax.discrepancy.histories.general_law import (
-    PlacedLaw,
-    force_in,
-    general_law,
-    motion_of,
-)
+from iwanjax.discrepancy.histories.general_law import PlacedLaw, general_law, motion_of
 from iwanjax.discrepancy.histories.likeness import described, nearest
 from iwanjax.discrepancy.histories.place_test import like_no_linear_error, more_there
 from iwanjax.discrepancy.histories.ranking import (
@@ -38,7 +33,7 @@ from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
-from iwanjax.identification.unnamed_law import UnnamedFit
+from iwanjax.identification.unnamed_law import UnnamedFit, force_in
 from iwanjax.joints.unnamed_terms import PARTS
 from iwanjax.settings.stages import settings
 

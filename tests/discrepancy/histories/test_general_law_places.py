@@ -55,6 +55,8 @@ def test_less_likely_places_are_tried_where_likely_ones_explain_little(
     for name, instead in {
         "left_by_noise": lambda problem: NOISE,
         "fit_unnamed_law": fitted,
+        "blank_at": lambda place: None,
+        "resonating": lambda *args: None,
         "squares_at": lambda *args: [0.0],
         "motion_of": lambda fit: still,
         "force_in": lambda law, motion: jnp.zeros((1, 4)),
@@ -66,7 +68,7 @@ def test_less_likely_places_are_tried_where_likely_ones_explain_little(
         settings=HISTORIES, parameters=1, with_given_joints=lambda z: z, predictor=None
     )
     nominal = SimpleNamespace(theta=np.zeros((1, 1)), hypothesis=None)
-    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None)
+    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, kinds=())
     a, b, c, d = (SimpleNamespace(label=label) for label in "abcd")
     found = module.general_law(problem, nominal, [], [a, b], scope, [c, d])
     assert "".join(seen) == tried
