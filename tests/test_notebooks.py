@@ -1,6 +1,5 @@
 """Every notebook runs to its last assertion, and is stored without what running adds."""
 
-import os
 import re
 import warnings
 from pathlib import Path
@@ -27,6 +26,7 @@ LONG = (
     "12_a_force_without_a_name",
     "13_do_two_modes_near_one_to_two_act_on_each_other",
     "14_how_much_of_a_friction_damper_is_a_law",
+    "15_from_hammer_to_prediction",
 )
 
 
@@ -49,15 +49,24 @@ def test_it_is_stored_without_outputs(path):
     assert code[-1].source.splitlines()[-1].startswith("assert ")
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, marks=pytest.mark.long if path.stem in LONG else (), id=path.stem)
-        for path in NOTEBOOKS
-    ],
-)
-def test_it_runs(path, request):
-    source = "\n".join(cell.source for cell in read(path).cells)
+def source_of(path):
+    return "\n".join(cell.source for cell in read(path).cells)
+
+
+def sizes():
+    """Notebooks as they run by default, and in full where they have another size for that."""
+    for path in NOTEBOOKS:
+        marks = pytest.mark.long if path.stem in LONG else ()
+        yield pytest.param(path, False, marks=marks, id=path.stem)
+        if "IWANJAX_LONG" in source_of(path):
+            yield pytest.param(path, True, marks=pytest.mark.long, id=f"{path.stem} in full")
+
+
+@pytest.mark.parametrize(("path", "full"), list(sizes()))
+def test_it_runs(path, full, request, monkeypatch):
+    source = source_of(path)
+    if not full:
+        monkeypatch.delenv("IWANJAX_LONG", raising=False)
     if "iwanjax.structures.fem" in source:
         pytest.importorskip("skfem", reason="scikit-fem (extra fem) is not installed")
     for name in re.findall(r'\bdata / "(\w+)"', source):
@@ -70,8 +79,7 @@ def test_it_runs(path, request):
         warnings.simplefilter("ignore")
         client = nbclient.NotebookClient(
             read(path),
-            # Some run in full with the long tests and in a reduced size without.
-            timeout=LIMIT_LONG if os.environ.get("IWANJAX_LONG") == "1" else LIMIT,
+            timeout=LIMIT_LONG if path.stem in LONG else LIMIT,
             kernel_name="python3",
             resources={"metadata": {"path": str(FOLDER)}},
         )
