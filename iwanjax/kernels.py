@@ -49,7 +49,7 @@ class Kept:
     def __call__(self, *arguments: Any) -> Sequence[Any]:
         """The function's results, by a kernel that may be older than this process."""
         folder, name = jax.config.values["jax_compilation_cache_dir"], self._name(*arguments)
-        if folder is None or name is None:
+        if not folder or name is None:
             return self._compiled(*arguments)
         dynamic, static = eqx.partition(arguments, lambda x: isinstance(x, (jax.Array, np.ndarray)))
         leaves, structure = jax.tree.flatten(dynamic)

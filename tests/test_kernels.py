@@ -96,6 +96,14 @@ def test_without_a_name_nothing_is_kept(folder):
     assert (len(marks), kernels(folder)) == (1, [])
 
 
+def test_an_empty_name_is_no_place(folder, monkeypatch):
+    """As ``JAX_COMPILATION_CACHE_DIR=`` leaves it: nothing is kept where the command was called."""
+    monkeypatch.chdir(folder)
+    with replaced("jax_compilation_cache_dir", ""):
+        traced()[0](X, 2.0)
+    assert not kernels(folder)
+
+
 def test_without_a_place_for_it_a_kernel_is_made_all_the_same(folder):
     for place in (str(folder / "missing"), None):
         with replaced("jax_compilation_cache_dir", place):
