@@ -137,7 +137,9 @@ def _shape(spring: UnnamedLaw, reach: float) -> list[str]:
     secant = odd / d
     largest = np.max(np.abs(secant))
     if abs(secant[0]) < share * largest:
-        found.append("with a clearance")
+        power = _power(d, odd)
+        words = f"rising with the deflection to the power {power:.1f}"
+        found.append("with a clearance" if math.isnan(power) else words)
     elif secant[-1] < secant[0] - share * largest:
         found.append("softening")
     elif secant[-1] > secant[0] + share * largest:
@@ -145,6 +147,15 @@ def _shape(spring: UnnamedLaw, reach: float) -> list[str]:
     else:
         found.append("linear")
     return found
+
+
+def _power(d: np.ndarray, force: np.ndarray) -> float:
+    """Of the deflection, by its larger half; NaN where no power follows the force from there on."""
+    x, y = np.log(d / d[-1]), np.log(np.maximum(np.abs(force / force[-1]), 1e-300))
+    half = x > math.log(0.5)
+    power = float(np.vdot(x[half], y[half]) / np.vdot(x[half], x[half]))
+    off = np.max(np.abs(np.exp(power * x) - np.exp(y)))
+    return power if off < settings().judgement.neighbour else math.nan
 
 
 def _growth(v: np.ndarray, force: np.ndarray) -> str:

@@ -65,6 +65,25 @@ def test_of_no_names_there_is_no_pair(decays):
 
 
 @pytest.mark.parametrize(
+    ("name", "size", "shape", "words"),
+    [
+        ("cubic_stiffness", K / 5e-4**2, 1.0, "rising with the deflection to the power 3.0"),
+        ("gap_contact", K, GAP, "with a clearance"),
+    ],
+)
+def test_a_clearance_is_told_from_a_power_of_the_deflection(decays, name, size, shape, words):
+    """Neither has any stiffness at rest."""
+    (kind, *_) = [each for each in kinds() if each.name == name]
+    force = SizedLaw(kind, size, shape).force(decays)
+    place = Place("m1", np.ones(1), Scales(float(np.max(np.abs(decays.d))), 1.0 / 40.0))
+    for without in (POWERS, BENDS) if name == "cubic_stiffness" else (POWERS,):
+        near = nearest_strengths(place, decays, force, np.setdiff1d(BANKS, without))
+        law = blank_at(place).with_strengths(near)
+        forces = {part: np.asarray(force_in(law.alone(part), decays)) for part in PARTS}
+        assert described(law, decays, forces) == f"elastic, {words}, no memory"
+
+
+@pytest.mark.parametrize(
     ("deep", "words"),
     [
         (0.0, "rate-independent hysteresis"),
