@@ -338,7 +338,7 @@ class Diagnosis(AbstractResult):
         if self.unnamed is not None:
             return [
                 "Hits of other levels and at other places, to see whether the same law predicts "
-                "them; beyond the deflections that it was fitted to it goes on straight"
+                "them; beyond the deflections that it was fitted to it is a guess"
             ]
         if self.refused:
             return [
