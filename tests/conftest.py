@@ -20,6 +20,7 @@ import hypothesis
 import jax
 import matplotlib as mpl
 import pytest
+from jaxlib.mlir import ir
 
 from iwanjax.compiler import compile_quickly
 
@@ -42,11 +43,15 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 
-# Compiling takes the longer the more compiled kernels there are: 60 ms for a small one at first,
-# 100 ms beside 1500 of them, 53 ms again and again where they are forgotten. Each takes a dozen
-# memory mappings, of which Linux gives a process 65 530 unless told otherwise. To forget 900 of
-# them takes 2 s, and what comes after compiles again or is read from the cache on the disk.
-_MOST_MAPPINGS = 10_000
+# JAX keeps an MLIR context for every kernel, and each new one looks through what a thread keeps for
+# all of them: a small kernel took 40 ms at first, 56 ms beside 1000 others, 39 ms beside as many
+# without threads in these contexts.
+ir.Context.set_thread_pool = lambda context, pool: context.enable_multithreading(False)
+
+# Each kernel takes a dozen memory mappings, of which Linux gives a process 65 530 unless told
+# otherwise. To forget 900 of them takes 2 s, and what comes after compiles again or is read from
+# the cache on the disk.
+_MOST_MAPPINGS = 40_000
 
 
 @pytest.fixture(autouse=True, scope="module")
