@@ -28,7 +28,7 @@ from iwanjax.discrepancy.histories.score_test import left_likely
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
-from iwanjax.effects.kinds import ForceKind, UnnamedKind
+from iwanjax.effects.kinds import ForceKind, JointKind, UnnamedKind
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.places import Place
@@ -205,7 +205,10 @@ def beyond_names(
 def _neighbours_at(best: RankedFit, scope: Scope) -> list[Place]:
     """Places of what is suspected, where another law may take off what it leaves."""
     hypothesis, left = best.fitted.hypothesis, best.fitted.cost / left_by_noise(best.problem)
-    laws = all(isinstance(k, ForceKind) or getattr(k, "law", None) for k in hypothesis.kinds)
+    laws = all(
+        isinstance(k, ForceKind) or (isinstance(k, JointKind) and (k.law or k.element))
+        for k in hypothesis.kinds
+    )
     there = [place for place in scope.places if place.label in hypothesis.where]
     share = settings().judgement.more_there
     if not laws or len(there) < len(set(hypothesis.where)) or left < 1.0 + share:

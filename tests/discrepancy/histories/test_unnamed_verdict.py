@@ -208,26 +208,30 @@ def test_names_are_believed_as_far_as_a_general_law_leaves_them_their_misfit():
 
 
 @pytest.mark.parametrize(
-    ("where", "left", "by_others", "tried"),
+    ("name", "where", "left", "by_others", "tried"),
     [
-        ("a", 1.01, 0.5, False),
-        ("a", 1.1, 0.01, False),
-        ("a", 1.1, 0.05, True),
-        ("a", 1.3, 0.0, True),
+        ("stiffness_error", "a", 1.01, 0.5, False),
+        ("stiffness_error", "a", 1.1, 0.01, False),
+        ("stiffness_error", "a", 1.1, 0.05, True),
+        ("stiffness_error", "a", 1.3, 0.0, True),
         # Two names at two places may be one law at one of them, which both are like.
-        ("ab", 1.1, 0.05, False),
-        ("ab", 1.3, 0.0, True),
+        ("stiffness_error", "ab", 1.1, 0.05, False),
+        ("stiffness_error", "ab", 1.3, 0.0, True),
         # At a channel there is no law.
-        ("ac", 1.3, 0.0, False),
+        ("stiffness_error", "ac", 1.3, 0.0, False),
+        # A joint left out may be any hysteresis; one that is there and changes is none.
+        ("iwan_joint", "a", 1.3, 0.0, True),
+        ("bouc_wen", "a", 1.3, 0.0, True),
+        ("joint_drift", "a", 1.3, 0.0, False),
     ],
 )
 def test_a_general_law_is_tried_where_a_name_leaves_more_than_noise(
-    monkeypatch, where, left, by_others, tried
+    monkeypatch, name, where, left, by_others, tried
 ):
     """Little more, and other laws do that; or much more, of which slopes tell nothing."""
-    places = [Place(name, np.eye(3)[i], Scales(1e-3, 0.1)) for i, name in enumerate("ab")]
+    places = [Place(label, np.eye(3)[i], Scales(1e-3, 0.1)) for i, label in enumerate("ab")]
     problem = SimpleNamespace(settings=HISTORIES)
-    kinds = kinds_in_time()[:1] * len(where)
+    kinds = [next(each for each in kinds_in_time() if each.name == name)] * len(where)
     hypothesis = SimpleNamespace(kinds=kinds, where=tuple(where), label="named")
     fitted = SimpleNamespace(hypothesis=hypothesis, cost=1000.0 * left, time_constant=math.inf)
     best = SimpleNamespace(problem=problem, fitted=fitted)
