@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -21,6 +21,8 @@ from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
 from iwanjax.identification.suspects import Suspects
 from iwanjax.joints import AbstractJoint, Iwan4, Iwan5
+
+Law = TypeVar("Law", bound=AbstractJoint, covariant=True)
 
 
 def force(
@@ -244,10 +246,10 @@ def with_joint(
     return _with_element(problem, kind, place, more, begun, beside)
 
 
-class LawStart(NamedTuple):
+class LawStart(NamedTuple, Generic[Law]):
     """Where to begin with an element of any law: the element, and the other joints' z."""
 
-    law: AbstractJoint
+    law: Law
     z: np.ndarray
 
 
@@ -255,7 +257,7 @@ def with_law(
     problem: HistoryProblem,
     kind: JointKind | UnnamedKind,
     place: Place,
-    guesses: Sequence[LawStart],
+    guesses: Sequence[LawStart[AbstractJoint]],
 ) -> tuple[HistoryProblem, list[Start]]:
     """An element of any law more at a place, and the search it takes.
 

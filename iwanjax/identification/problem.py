@@ -179,6 +179,13 @@ class HistoryProblem:
         found[: self.predictor.errors] = z[: self.predictor.errors]
         return found
 
+    def begun_beside(self, z: np.ndarray) -> list[np.ndarray]:
+        """Where to begin what comes beside the joints: from z, and from the joints as given.
+
+        Joints that are bent to explain something else are a bad place to begin from.
+        """
+        return [z, self.with_given_joints(z)] if self.joints else [z]
+
     @property
     def map(self) -> ParameterMap:
         """Where values stand in theta."""

@@ -16,7 +16,7 @@ by its strengths w and their covariance C (MacKay, Neural Computation 4, 1992, E
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -28,8 +28,12 @@ from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.identification.hypotheses import LawStart, with_law
 from iwanjax.identification.joint_priors import FreeLaw, joints_of
 from iwanjax.identification.likelihood import covariance
-from iwanjax.identification.linearise import squares_at
-from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
+from iwanjax.identification.multistart import (
+    SHORT_TIME_CONSTANT,
+    HypothesisFit,
+    multistart,
+    sifted,
+)
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
 from iwanjax.joints import AttachedOscillator, PlaceMotion, UnnamedLaw
@@ -41,13 +45,6 @@ SHAPED = np.array([PARTS["duhem"].start, RESONATES])
 # A group's prior deviation changes no more than this in one round, either way: what a short memory
 # does not determine a longer one may.
 _MOST = 10.0
-
-
-class UnnamedStart(NamedTuple):
-    """Where to begin with a general law: the law, and the joints' z."""
-
-    law: UnnamedLaw
-    z: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +116,7 @@ def with_unnamed_law(
     problem: HistoryProblem,
     kind: UnnamedKind,
     place: Place,
-    begun: Sequence[UnnamedStart],
+    begun: Sequence[LawStart[UnnamedLaw]],
     duhem: bool = False,
 ) -> tuple[HistoryProblem, list[Start]]:
     """A general law more at a place, and the search it takes.
@@ -132,7 +129,7 @@ def with_unnamed_law(
         What to call it.
     place : Place
         Where.
-    begun : sequence of UnnamedStart
+    begun : sequence of LawStart
         Laws to begin with, of the scales of that place, and the joints' z.
     duhem : bool
         Whether with a spring that yields along a curve in place of other hysteresis.
@@ -172,7 +169,7 @@ def fit_unnamed_law(
     problem: HistoryProblem,
     kind: UnnamedKind,
     place: Place,
-    begun: Sequence[UnnamedStart],
+    begun: Sequence[LawStart[UnnamedLaw]],
     memories: Sequence[float],
     steps: int,
     in_time: Callable[[], bool] = lambda: True,
@@ -291,7 +288,7 @@ def resonating(
     beside: Sequence[np.ndarray],
     steps: int,
     in_time: Callable[[], bool] = lambda: True,
-) -> UnnamedStart:
+) -> LawStart[UnnamedLaw]:
     """A general law that is nothing but the oscillator which leaves least when attached to a place.
 
     No law of the place's own motion looks like something that moves by itself: from those no search
@@ -314,9 +311,7 @@ def resonating(
     oscillators = AttachedOscillator.begun(place.scales)
     guesses = [LawStart(each, z) for z in beside for each in oscillators]
     own, starts = with_law(problem, UnnamedKind(), place, guesses)
-    points = [(start.hypothesis, own.still(start.theta)) for start in starts]
-    order = np.argsort(squares_at(own, points, SHORT_TIME_CONSTANT), kind="stable")
-    near = [starts[i] for i in order[: problem.settings.joint_faults.near]]
+    near = sifted(own, starts).starts
     fits = multistart(own, near, SHORT_TIME_CONSTANT, steps, in_time=in_time)
     z = min(fits, key=lambda each: each.cost).theta.mean(axis=0)[: own.parameters]
     found = joints_of(own.joints, jax.device_put(z))[-1]
@@ -326,4 +321,4 @@ def resonating(
     strengths[RESONATES] = m * float(law.rate) * omega
     shape = np.log([math.sqrt(k / m) / omega, 0.5 * c / math.sqrt(k * m)])
     law = law.with_strengths(strengths).with_resonance(shape)
-    return UnnamedStart(law, z[: problem.parameters])
+    return LawStart(law, z[: problem.parameters])

@@ -8,9 +8,9 @@ import pytest
 from linear_pair import ROWS, C, M, measured_force, problem, simulated, stiffness_with_joint
 
 from iwanjax.effects.kinds import UnnamedKind
+from iwanjax.identification.hypotheses import LawStart
 from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.unnamed_law import (
-    UnnamedStart,
     blank_at,
     fit_unnamed_law,
     loosened,
@@ -36,7 +36,7 @@ def pair():
 
 
 def no_force(made, place):
-    return UnnamedStart(blank_at(place), np.zeros(made.parameters))
+    return LawStart(blank_at(place), np.zeros(made.parameters))
 
 
 def test_a_law_without_strength_changes_no_residual(pair):
@@ -66,7 +66,7 @@ def test_a_part_begins_as_strong_as_it_is_known_to_be(pair):
     strengths[PARTS["damper"]] = 100.0 * usual
     strengths[0] = -0.5 * usual
     none = no_force(made, place)
-    strong = UnnamedStart(none.law.with_strengths(strengths), none.z)
+    strong = LawStart(none.law.with_strengths(strengths), none.z)
     other, (_, start) = with_unnamed_law(made, UnnamedKind(), place, [none, strong])
     joint = other.joints[-1]
     loose = np.asarray(joint.loose)

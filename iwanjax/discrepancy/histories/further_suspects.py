@@ -7,7 +7,6 @@ builds up slowly appears with a longer memory of the observer.
 import itertools
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +43,7 @@ from iwanjax.identification.multistart import (
     HypothesisFit,
     foreseen,
     multistart,
+    sifted,
 )
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start, Variant
@@ -176,9 +176,7 @@ def further_laws(
         kinds = [kind for kind in kinds if _taken_for(kind, best.hypothesis)]
     if not kinds:
         return entries
-    # Joints that are bent to explain something else are a bad place to begin from.
-    z = nominal.theta.mean(axis=0)[: problem.parameters]
-    beside = [z, problem.with_given_joints(z)] if problem.joints else [z]
+    beside = problem.begun_beside(nominal.theta.mean(axis=0)[: problem.parameters])
     limits, found = limited(problem, nominal, best.cost, SHORT_TIME_CONSTANT), []
     near = places
     if best.cost < FAR * left_by_noise(problem):
@@ -197,7 +195,7 @@ def further_laws(
                 *begun_from(kind, place, entries[:most], problem),
                 *(hypotheses.LawStart(law, z) for z in beside for law in guesses),
             ]
-            made.append(_sifted(*hypotheses.with_law(problem, kind, place, starts)))
+            made.append(sifted(*hypotheses.with_law(problem, kind, place, starts)))
         of_kinds.append(sorted(made, key=lambda each: each.left)[:fitted])
     # Shorter, or none, where the time is over.
     for likely in itertools.zip_longest(*of_kinds):
@@ -235,23 +233,6 @@ def _of_the_best(
     """Places of suspects that cost no more than this; all, where these are channels."""
     near = [e.fitted.hypothesis.where for e in entries if cost_of(e) < within]
     return [place for place in places if any(place.label in where for where in near)] or [*places]
-
-
-class _Sifted(NamedTuple):
-    """Starts of one search that leave least as they are, and what the first of them leaves."""
-
-    problem: HistoryProblem
-    starts: list[Start]
-    left: float
-
-
-def _sifted(problem: HistoryProblem, starts: Sequence[Start]) -> _Sifted:
-    """The most promising starts: what one step of each foresees costs ten times as much."""
-    points = [(start.hypothesis, problem.still(start.theta)) for start in starts]
-    left = squares_at(problem, points, SHORT_TIME_CONSTANT)
-    order = np.argsort(left, kind="stable")
-    near = [starts[i] for i in order[: problem.settings.joint_faults.near]]
-    return _Sifted(problem, near, left[order[0]])
 
 
 def appearing(

@@ -34,7 +34,6 @@ from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import (
     SHAPED,
     UnnamedFit,
-    UnnamedStart,
     blank_at,
     fit_unnamed_law,
     force_in,
@@ -63,11 +62,14 @@ class PlacedLaw(NamedTuple):
     coarse : bool
         Whether steps between samples may be too long for the law at one of them: the best named
         force stops it within a step.
+    tried : frozenset of str
+        Those places.
     """
 
     fit: UnnamedFit
     probability: float
     coarse: bool
+    tried: frozenset[str]
 
     @property
     def entry(self) -> RankedFit:
@@ -85,12 +87,13 @@ def general_law(
 ) -> PlacedLaw:
     """The general law where it explains most, fitted with the shortest memory.
 
-    Each of the places where something acts most likely, by all laws there at once, is tried for a
-    few steps: from the joints of the nominal fit and as given, from what the best named force there
-    does, for from no force there may be no way to a large one, and where that is no name from an
-    attached oscillator. The best is gone on with, for as long as it gains, as it is or with a
-    spring that yields along a curve in place of other hysteresis; the others as well where it
-    leaves much more than noise.
+    The place of the best name (slopes may point to one that looks like it, and a law that is not
+    tried there says nothing against the name) and those where something acts most likely, by all
+    laws there at once, are tried for a few steps: from the joints of the nominal fit and as given,
+    from what the best named force there does, for from no force there may be no way to a large one,
+    and where that is no name from an attached oscillator. The best is gone on with, for as long as
+    it gains, as it is or with a spring that yields along a curve in place of other hysteresis; the
+    others as well where it leaves much more than noise.
 
     Parameters
     ----------
@@ -108,8 +111,11 @@ def general_law(
         Less likely ones, where the law explains little at those.
     """
     most, far = problem.settings.selection.finalists, FAR * left_by_noise(problem)
-    likely, tried = places[:most], list[tuple[UnnamedFit, bool]]()
-    for place in [*likely, *further][:most]:
+    named = [place for each in entries[:1] for place in where_a_law_acts(each, scope.places)]
+    other = [place for place in places if place.label not in {each.label for each in named}]
+    likely, tried = [*named, *other][:most], list[tuple[UnnamedFit, bool]]()
+    there = {place.label: place for place in [*likely, *further]}
+    for place in list(there.values())[:most]:
         # Columns about joints that are bent tell less of where something acts than a fit does.
         enough = len(tried) >= len(likely) and min(each.fitted.cost for each, _ in tried) < far
         if tried and (enough or not scope.in_time()):
@@ -121,8 +127,19 @@ def general_law(
         others = [each.onward((SHORT_TIME_CONSTANT,), STEPS, scope.in_time) for each in others]
     ended += others
     odds, coarse = _odds(ended), any(stopped for _, stopped in tried)
-    best = int(np.argmax(odds))
-    return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]), coarse)
+    best, known = int(np.argmax(odds)), frozenset(each.place.label for each, _ in tried)
+    return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]), coarse, known)
+
+
+def where_a_law_acts(entry: RankedFit, places: Sequence[Place]) -> list[Place]:
+    """Places of what is suspected, where all of it are laws of the motion there; else none."""
+    hypothesis = entry.fitted.hypothesis
+    laws = all(
+        isinstance(k, ForceKind) or (isinstance(k, JointKind) and (k.law or k.element))
+        for k in hypothesis.kinds
+    )
+    there = [place for place in places if place.label in hypothesis.where]
+    return there if laws and len(there) == len(set(hypothesis.where)) else []
 
 
 def _begun_at(
@@ -136,8 +153,8 @@ def _begun_at(
     scope.progress(f"a general law at {place.label}")
     z = nominal.theta.mean(axis=0)[: problem.parameters]
     forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
-    beside, blank, stopped = [z, problem.with_given_joints(z)], blank_at(place), False
-    starts = [UnnamedStart(blank, each) for each in beside]
+    beside, blank, stopped = problem.begun_beside(z), blank_at(place), False
+    starts = [hypotheses.LawStart(blank, each) for each in beside]
     for each in forces[:1]:
         motion, force = _named_force(each.fitted, problem, place)
         stopped = place.stopped(motion.v, force, float(problem.predictor.dt))
@@ -145,7 +162,7 @@ def _begun_at(
         # A spring of splines, or one of powers.
         for less in (POWERS, BENDS):
             near = nearest_strengths(place, motion, force, np.setdiff1d(BANKS, less))
-            starts.append(UnnamedStart(blank.with_strengths(near), own))
+            starts.append(hypotheses.LawStart(blank.with_strengths(near), own))
     if not any(isinstance(k, JointKind) and k.law is AttachedOscillator for k in scope.kinds):
         starts.append(resonating(problem, place, beside, STEPS, scope.in_time))
     begun = problem, UnnamedKind(), place, starts, (SHORT_TIME_CONSTANT,)
@@ -199,7 +216,7 @@ def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> 
         strengths = others * np.stack(law.strengths)
         strengths[PARTS["duhem"]] = strength
         yielding = law.with_strengths(strengths).with_branch(scaled(branch, float(law.deflection)))
-        starts.append(UnnamedStart(yielding, joints))
+        starts.append(hypotheses.LawStart(yielding, joints))
     short = (SHORT_TIME_CONSTANT,)
     begun = problem, UnnamedKind(), place, starts, short, SEARCH.head_start
     return fit_unnamed_law(*begun, scope.in_time, duhem=True)
@@ -256,7 +273,7 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     own[kept] = as_is[kept]
     now = now.with_strengths(own).with_branch(scaled(np.stack(law.branch), largest / reach))
     now = now.with_resonance(np.stack(law.resonance) + np.log([slower, 1.0]))
-    begun = problem, UnnamedKind(), there, [UnnamedStart(now, z[: problem.parameters])]
+    begun = problem, UnnamedKind(), there, [hypotheses.LawStart(now, z[: problem.parameters])]
     short = (SHORT_TIME_CONSTANT,)
     moved = fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
     # Strengths that are as near as they can be to another scale's may be where no search returns.

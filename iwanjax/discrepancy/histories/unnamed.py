@@ -10,7 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from iwanjax.discrepancy.findings import Suspect, UnnamedForce
-from iwanjax.discrepancy.histories.general_law import PlacedLaw, general_law, motion_of
+from iwanjax.discrepancy.histories.general_law import (
+    PlacedLaw,
+    general_law,
+    motion_of,
+    where_a_law_acts,
+)
 from iwanjax.discrepancy.histories.likeness import described, nearest
 from iwanjax.discrepancy.histories.place_test import like_no_linear_error, more_there
 from iwanjax.discrepancy.histories.ranking import (
@@ -28,7 +33,7 @@ from iwanjax.discrepancy.histories.score_test import left_likely
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
-from iwanjax.effects.kinds import ForceKind, JointKind, UnnamedKind
+from iwanjax.effects.kinds import ForceKind, UnnamedKind
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.places import Place
@@ -57,10 +62,16 @@ def unnamed_law(
     there : sequence of Place
         The only places to try; by default where something acts most likely.
     """
-    likely, begun = left_likely(table.places, scope.places), table.general
-    if there:
-        likely = there
-        begun = begun if begun and begun.fit.place.label in [p.label for p in there] else None
+    begun, likely = table.general, there or left_likely(table.places, scope.places)
+    if begun and there:
+        known = begun.fit.place.label in {place.label for place in there}
+    elif begun:
+        # The best name may have come from elsewhere since.
+        named = where_a_law_acts(table.best, scope.places)
+        known = begun.tried.issuperset(place.label for place in named)
+    else:
+        known = False
+    begun = begun if known else None
     begun = begun or general_law(problem, table.nominal.fitted, table.entries, likely, scope)
     memories = (TIME_CONSTANT, problem.settings.selection.long_time_constant, math.inf)
     scope.progress(f"the general law at {begun.fit.place.label}, to the free run")
@@ -204,14 +215,10 @@ def beyond_names(
 
 def _neighbours_at(best: RankedFit, scope: Scope) -> list[Place]:
     """Places of what is suspected, where another law may take off what it leaves."""
-    hypothesis, left = best.fitted.hypothesis, best.fitted.cost / left_by_noise(best.problem)
-    laws = all(
-        isinstance(k, ForceKind) or (isinstance(k, JointKind) and (k.law or k.element))
-        for k in hypothesis.kinds
-    )
-    there = [place for place in scope.places if place.label in hypothesis.where]
+    there = where_a_law_acts(best, scope.places)
+    left = best.fitted.cost / left_by_noise(best.problem)
     share = settings().judgement.more_there
-    if not laws or len(there) < len(set(hypothesis.where)) or left < 1.0 + share:
+    if not there or left < 1.0 + share:
         return []
     # About what is far from the truth slopes do not tell what a law would take off; nor need all
     # places be right where names at two of them are.
@@ -219,7 +226,7 @@ def _neighbours_at(best: RankedFit, scope: Scope) -> list[Place]:
         return there
     if len(there) > 1:
         return []
-    scope.progress(f"what {hypothesis.label} leaves at its place")
+    scope.progress(f"what {best.fitted.hypothesis.label} leaves at its place")
     more = more_there(best.problem, best.fitted, there[0], scope.places).reduction
     return there if more > share * left_by_noise(best.problem) else []
 

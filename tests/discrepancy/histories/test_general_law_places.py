@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.histories import general_law as module
+from iwanjax.effects.catalogue import kinds_in_time
 from iwanjax.joints import PlaceMotion
 from iwanjax.settings.histories import HISTORIES
 
@@ -27,19 +28,36 @@ class Fit:
         return self
 
 
+def named(kind, where):
+    """A suspect as it ended, by another search than the law's."""
+    kinds = {each.name: each for each in kinds_in_time()}
+    hypothesis = SimpleNamespace(kinds=(kinds[kind],), where=(where,))
+    return SimpleNamespace(problem=None, fitted=SimpleNamespace(hypothesis=hypothesis))
+
+
+IWAN_D, SPRING_B = named("iwan_joint", "d"), named("stiffness_error", "b")
+DELAY, UNKNOWN = named("sensor_delay", "a1"), named("coulomb_friction", "z")
+
+
 @pytest.mark.parametrize(
-    ("left", "tried", "best"),
+    ("left", "entries", "tried", "best"),
     [
         # At once where it should be.
-        ({"a": 1.0, "b": 50.0, "c": 50.0, "d": 1.0}, "ab", "a"),
+        ({"a": 1.0, "b": 50.0, "c": 50.0, "d": 1.0}, [], "ab", "a"),
         # Columns had excluded the right place.
-        ({"a": 18.0, "b": 19.0, "c": 1.0, "d": 1.0}, "abc", "c"),
+        ({"a": 18.0, "b": 19.0, "c": 1.0, "d": 1.0}, [], "abc", "c"),
         # No more than three, however little they explain.
-        ({"a": 18.0, "b": 19.0, "c": 20.0, "d": 1.0}, "abc", "a"),
+        ({"a": 18.0, "b": 19.0, "c": 20.0, "d": 1.0}, [], "abc", "a"),
+        # Where the best name is, whether likely by columns or not: only there can it refute it.
+        ({"a": 18.0, "b": 19.0, "c": 20.0, "d": 1.0}, [IWAN_D, SPRING_B], "dab", "d"),
+        ({"a": 18.0, "b": 19.0, "c": 20.0, "d": 1.0}, [SPRING_B], "bac", "a"),
+        # A sensor's fault is no law of a motion, and has no place.
+        ({"a": 1.0, "b": 50.0, "c": 50.0, "d": 1.0}, [DELAY], "ab", "a"),
+        ({"a": 1.0, "b": 50.0, "c": 50.0, "d": 1.0}, [UNKNOWN], "ab", "a"),
     ],
 )
-def test_less_likely_places_are_tried_where_likely_ones_explain_little(
-    monkeypatch, left, tried, best
+def test_a_law_is_tried_where_the_best_name_is_and_where_something_acts(
+    monkeypatch, left, entries, tried, best
 ):
     still = PlaceMotion(*(jnp.zeros((1, 4)) for _ in range(4)), jnp.asarray(1e-3))
     seen = []
@@ -65,12 +83,15 @@ def test_less_likely_places_are_tried_where_likely_ones_explain_little(
     }.items():
         monkeypatch.setattr(module, name, instead)
     problem = SimpleNamespace(
-        settings=HISTORIES, parameters=1, with_given_joints=lambda z: z, predictor=None
+        settings=HISTORIES, parameters=1, begun_beside=lambda z: [z], predictor=None
     )
     nominal = SimpleNamespace(theta=np.zeros((1, 1)), hypothesis=None)
-    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, kinds=())
-    a, b, c, d = (SimpleNamespace(label=label) for label in "abcd")
-    found = module.general_law(problem, nominal, [], [a, b], scope, [c, d])
+    a, b, c, d = every = tuple(SimpleNamespace(label=label) for label in "abcd")
+    scope = SimpleNamespace(
+        in_time=lambda: True, progress=lambda line: None, kinds=(), places=every
+    )
+    found = module.general_law(problem, nominal, entries, [a, b], scope, [c, d])
     assert "".join(seen) == tried
     assert found.fit.place.label == best
     assert found.probability > 0.99
+    assert found.tried == set(tried)
