@@ -256,15 +256,22 @@ class Diagnosis(AbstractResult):
         """What a force does that no name fits, and the names that come nearest."""
         (entry,) = [each for each in self.what if each.kind.name == UnnamedKind.name]
         name, probability = next(iter(force.nearest.items()), ("", 0.0))
-        near = (
-            f"The nearest name is {name} (probability {probability:.2f})"
-            if probability > settings().judgement.likely
-            else "No name comes near"
+        likely = settings().judgement.likely
+        near = [f"The nearest name is {name} (probability {probability:.2f})"] * (
+            probability > likely
         )
+        # Names at several places, which no law at one of these need be near to.
+        nouns = {each.label: noun(each.kind, each.where) for each in self.what}
+        near += [
+            f"Or it is {' and '.join(nouns[label] for label in (each.label, *each.joint_with))} "
+            f"(probability {each.probability:.2f})"
+            for each in self.what
+            if each.joint_with and each.probability > likely
+        ][:1]
         return [
             f"{sentence(entry.kind, entry.where)}: {force.description} "
             f"(probability {entry.probability:.2f} that something acts there)",
-            near,
+            *(near or ["No name comes near"]),
         ]
 
     def _floor(self) -> str:

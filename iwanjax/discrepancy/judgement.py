@@ -193,12 +193,20 @@ def stopped(verdict: Verdict, fitted: bool) -> Verdict:
     return Verdict("undecided", True, 0.5, 0.5, (), verdict.misfit)
 
 
-def beside_general_law(verdict: Verdict, named: Misfit, general: Misfit) -> Verdict:
+def beside_general_law(
+    verdict: Verdict, named: Misfit, general: Misfit, apart: bool = False
+) -> Verdict:
     r"""The verdict where a general law, with no name, was fitted as well.
 
     The names lose what the general law says against them: by the share of the misfit of the best
     of them (or of the model without any) that it leaves, they are no more than neighbours of the
-    truth, as :func:`judged` has it.
+    truth, as :func:`judged` has it. Names at several places suppose more than one law at one of
+    these does: with what they leave, a, and what it leaves, b, root mean square beyond the noise,
+    they keep the share
+
+    .. math:: \frac{b^4}{a^4 + b^4},
+
+    one half where neither leaves anything.
 
     Parameters
     ----------
@@ -208,8 +216,10 @@ def beside_general_law(verdict: Verdict, named: Misfit, general: Misfit) -> Verd
         With the best of them.
     general : Misfit
         With the general law.
+    apart : bool
+        Whether the best of them act at several places, of which the law's is one.
     """
-    kept = _neighbouring(named, general)
+    kept = _beside_one(named, general) if apart else _neighbouring(named, general)
     names = tuple(kept * each for each in verdict.named)
     name = _named(verdict.nothing, names)
     return Verdict(
@@ -331,6 +341,16 @@ def _neighbouring(before: Misfit, after: Misfit) -> float:
     """The same by that share alone."""
     known, share = settings().judgement, _left(before, after)
     odds = (share / known.neighbour) ** known.sharpness
+    return odds / (1.0 + odds) if math.isfinite(odds) else 1.0
+
+
+def _beside_one(named: Misfit, general: Misfit) -> float:
+    """Share that names at several places keep beside one law at one of them."""
+    a, b = _excess(named), _excess(general)
+    if a == b or not math.isfinite(a):
+        return 0.5 if a == b else 0.0
+    half = settings().judgement.sharpness / 2.0
+    odds = (b / a) ** half if a > 0.0 else math.inf
     return odds / (1.0 + odds) if math.isfinite(odds) else 1.0
 
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from iwanjax.discrepancy import CATALOGUE, CurveRun, Diagnosis, LoopRun, Suspect
@@ -12,8 +13,11 @@ from iwanjax.discrepancy.findings import (
     MeasuredNoise,
     PlaceEvidence,
     Refitted,
+    UnnamedForce,
 )
-from iwanjax.discrepancy.judgement import Misfit, judged
+from iwanjax.discrepancy.judgement import Misfit, beside_general_law, judged
+from iwanjax.effects.kinds import UnnamedKind
+from iwanjax.joints import UnnamedLaw
 from iwanjax.studies.verdicts import as_json
 
 NOTHING = judged(0.0, [-20.0], Misfit(1.0, 1.0))
@@ -72,6 +76,28 @@ def test_an_undecided_verdict_names_the_place():
     assert as_json({"m1": made})["places"][0] == places[0]._asdict()
     vague = replace(made, places=(places[0]._replace(probability=0.4), places[1]))
     assert "something is missing, and nothing that was tried" in vague.statement()
+
+
+def test_names_at_two_places_are_told_beside_the_one_law_that_does_as_well():
+    right = Misfit(1.0, 1.0)
+    verdict = judged(-50.0, [0.0], Misfit(9.0, 9.0), right)
+    verdict = beside_general_law(verdict, right, right, apart=True)
+    shape = np.zeros((2, 3))
+    law = UnnamedForce("m1", UnnamedLaw.blank(1.0, 1.0, 1.0), "elastic", {}, 2.0, shape, shape, [])
+    damper, spring = (CATALOGUE[kind][0] for kind in ("viscous_damping", "stiffness_error"))
+    labels = "viscous_damping@m1", "stiffness_error@m2-m3"
+    what = (
+        Suspect(UnnamedKind(), "m1", 0.97, 0.0, ()),
+        Suspect(damper, "m1", verdict.named[0], -0.7, (), labels[1:]),
+        Suspect(spring, "m2-m3", verdict.named[0], -0.7, (), labels[:1]),
+    )
+    made = replace(diagnosis("m1", verdict, 0.3), what=what, unnamed=law)
+    said = made.statement()
+    assert (
+        "Or it is a viscous damper at m1 and a linear spring between m2 and m3 (prob" in said
+    )
+    assert said.count("(probability 0.50)") == 1
+    assert "No name comes near" not in said
 
 
 @pytest.mark.parametrize(

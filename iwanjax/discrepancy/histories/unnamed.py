@@ -202,7 +202,7 @@ def beyond_names(
     if refused:
         return None
     general = misfit(after, after, allowed)
-    now = beside_general_law(verdict, named, general)
+    now = beside_general_law(verdict, named, general, len(there) > 1)
     before = misfit(ended.before, after, allowed)
     probability = acting(now, before, general, placed.probability)
     if now.found or probability < settings().judgement.likely:
@@ -218,14 +218,14 @@ def _neighbours_at(best: RankedFit, scope: Scope) -> list[Place]:
     there = where_a_law_acts(best, scope.places)
     left = best.fitted.cost / left_by_noise(best.problem)
     share = settings().judgement.more_there
+    # One law at one place may be all that two names at two are.
+    if len(there) > 1:
+        return there
     if not there or left < 1.0 + share:
         return []
-    # About what is far from the truth slopes do not tell what a law would take off; nor need all
-    # places be right where names at two of them are.
+    # About what is far from the truth slopes do not tell what a law would take off.
     if left > best.problem.settings.selection.misfit:
         return there
-    if len(there) > 1:
-        return []
     scope.progress(f"what {best.fitted.hypothesis.label} leaves at its place")
     more = more_there(best.problem, best.fitted, there[0], scope.places).reduction
     return there if more > share * left_by_noise(best.problem) else []

@@ -207,6 +207,27 @@ def test_names_are_believed_as_far_as_a_general_law_leaves_them_their_misfit():
     assert acting(alone, before, before, 0.9) == 0.0
 
 
+def test_names_at_two_places_are_believed_as_far_as_one_law_at_one_leaves_more():
+    """A fractional damper at the tip was named Maxwell at w2 and viscous at the tip, 1.00."""
+    verdict = judged(-2000.0, (-0.1, -40.0), Misfit(50.0, 60.0), Misfit(1.0, 1.0))
+    assert verdict.found
+
+    def kept(named, general):
+        now = beside_general_law(verdict, Misfit(*named), Misfit(*general), apart=True)
+        return sum(now.named) / sum(verdict.named)
+
+    assert kept((1.0, 1.0), (0.9, 1.0)) == pytest.approx(0.5)
+    assert kept((1.2, 1.3), (1.2, 1.3)) == pytest.approx(0.5)
+    assert kept((1.0, 1.0), (1.1, 1.0)) == 1.0
+    assert kept((1.1, 1.0), (1.0, 1.0)) == 0.0
+    assert kept((1.2, 1.0), (1.3, 1.0)) == pytest.approx(0.69**2 / (0.69**2 + 0.44**2))
+    # Whatever breaks down explains nothing.
+    assert kept((1.2, 1.0), (math.inf, 1.0)) == 1.0
+    assert kept((math.inf, 1.0), (1.2, 1.0)) == 0.0
+    # Of names at the law's own place as much is asked as of any.
+    assert sum(beside_general_law(verdict, Misfit(1.2, 1.3), Misfit(1.2, 1.3)).named) > 0.99
+
+
 @pytest.mark.parametrize(
     ("name", "where", "left", "by_others", "tried"),
     [
@@ -214,8 +235,8 @@ def test_names_are_believed_as_far_as_a_general_law_leaves_them_their_misfit():
         ("stiffness_error", "a", 1.1, 0.01, False),
         ("stiffness_error", "a", 1.1, 0.05, True),
         ("stiffness_error", "a", 1.3, 0.0, True),
-        # Two names at two places may be one law at one of them, which both are like.
-        ("stiffness_error", "ab", 1.1, 0.05, False),
+        # Two names at two places may be one law at one of them, whatever they leave.
+        ("stiffness_error", "ab", 1.01, 0.0, True),
         ("stiffness_error", "ab", 1.3, 0.0, True),
         # At a channel there is no law.
         ("stiffness_error", "ac", 1.3, 0.0, False),
