@@ -200,8 +200,8 @@ def beside_general_law(
 
     The names lose what the general law says against them: by the share of the misfit of the best
     of them (or of the model without any) that it leaves, they are no more than neighbours of the
-    truth, as :func:`judged` has it. Names at several places suppose more than one law at one of
-    these does: with what they leave, a, and what it leaves, b, root mean square beyond the noise,
+    truth, as :func:`judged` has it. Names at several places suppose more than one law at one
+    place does: with what they leave, a, and what it leaves, b, root mean square beyond the noise,
     they keep the share
 
     .. math:: \frac{b^4}{a^4 + b^4},
@@ -217,7 +217,7 @@ def beside_general_law(
     general : Misfit
         With the general law.
     apart : bool
-        Whether the best of them act at several places, of which the law's is one.
+        Whether the best of them act at several places.
     """
     kept = _beside_one(named, general) if apart else _neighbouring(named, general)
     names = tuple(kept * each for each in verdict.named)
@@ -345,7 +345,7 @@ def _neighbouring(before: Misfit, after: Misfit) -> float:
 
 
 def _beside_one(named: Misfit, general: Misfit) -> float:
-    """Share that names at several places keep beside one law at one of them."""
+    """Share that names at several places keep beside one law at one."""
     a, b = _excess(named), _excess(general)
     if a == b or not math.isfinite(a):
         return 0.5 if a == b else 0.0

@@ -93,9 +93,7 @@ def test_names_at_two_places_are_told_beside_the_one_law_that_does_as_well():
     )
     made = replace(diagnosis("m1", verdict, 0.3), what=what, unnamed=law)
     said = made.statement()
-    assert (
-        "Or it is a viscous damper at m1 and a linear spring between m2 and m3 (prob" in said
-    )
+    assert "Or it is a viscous damper at m1 and a linear spring between m2 and m3 (prob" in said
     assert said.count("(probability 0.50)") == 1
     assert "No name comes near" not in said
 

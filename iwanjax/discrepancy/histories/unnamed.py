@@ -182,9 +182,10 @@ def beyond_names(
     enough = problem.settings.selection.misfit * left_by_noise(problem)
     explained = least(table.nominal.fitted, table.entries).cost < enough
     if named.largest <= AS_LIKELY_WRONG or explained:
-        there = _neighbours_at(table.best, scope) if verdict.found else []
-        if not there:
+        found = _where_else(table.best, scope) if verdict.found else None
+        if found is None:
             return None
+        there = found
         # What a linear model may be off by is no part of this: only by how much noise scatters.
         allowed = math.sqrt(max(best[0].floor_95 ** 2 - best[0].floor ** 2, 0.0))
         named = misfit(best, best, allowed)
@@ -202,7 +203,8 @@ def beyond_names(
     if refused:
         return None
     general = misfit(after, after, allowed)
-    now = beside_general_law(verdict, named, general, len(there) > 1)
+    apart = len(where_a_law_acts(table.best, scope.places)) > 1
+    now = beside_general_law(verdict, named, general, apart)
     before = misfit(ended.before, after, allowed)
     probability = acting(now, before, general, placed.probability)
     if now.found or probability < settings().judgement.likely:
@@ -213,22 +215,23 @@ def beyond_names(
     return Beyond(now, kept, probability, after, placed.entry, force)
 
 
-def _neighbours_at(best: RankedFit, scope: Scope) -> list[Place]:
-    """Places of what is suspected, where another law may take off what it leaves."""
+def _where_else(best: RankedFit, scope: Scope) -> list[Place] | None:
+    """Where another law may take off what names leave: no places for any, None for nowhere."""
     there = where_a_law_acts(best, scope.places)
     left = best.fitted.cost / left_by_noise(best.problem)
     share = settings().judgement.more_there
+    # About what is far from the truth slopes do not tell what a law would take off, nor is the
+    # place known: a fractional damper at the tip looks like an oscillator beside it.
+    if not there or left > best.problem.settings.selection.misfit:
+        return [] if there else None
     # One law at one place may be all that two names at two are.
     if len(there) > 1:
         return there
-    if not there or left < 1.0 + share:
-        return []
-    # About what is far from the truth slopes do not tell what a law would take off.
-    if left > best.problem.settings.selection.misfit:
-        return there
+    if left < 1.0 + share:
+        return None
     scope.progress(f"what {best.fitted.hypothesis.label} leaves at its place")
     more = more_there(best.problem, best.fitted, there[0], scope.places).reduction
-    return there if more > share * left_by_noise(best.problem) else []
+    return there if more > share * left_by_noise(best.problem) else None
 
 
 def beside_linear(table: ModelSelection, scope: Scope) -> ModelSelection:
