@@ -76,6 +76,17 @@ class PlacedLaw(NamedTuple):
         """As the other hypotheses are."""
         return RankedFit(self.fit.problem, self.fit.fitted)
 
+    def or_rather(self, other: "PlacedLaw") -> "PlacedLaw":
+        """The better of two, with all the places that were tried for either."""
+        both = self, other
+        odds = _odds([each.fit for each in both])
+        best = int(np.argmax(odds))
+        return both[best]._replace(
+            probability=float(odds[best]) * both[best].probability,
+            coarse=self.coarse or other.coarse,
+            tried=self.tried | other.tried,
+        )
+
 
 def general_law(
     problem: HistoryProblem,

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -62,17 +63,16 @@ def unnamed_law(
     there : sequence of Place
         The only places to try; by default where something acts most likely.
     """
-    begun, likely = table.general, there or left_likely(table.places, scope.places)
-    if begun and there:
-        known = begun.fit.place.label in {place.label for place in there}
-    elif begun:
-        # The best name may have come from elsewhere since.
-        named = where_a_law_acts(table.best, scope.places)
-        known = begun.tried.issuperset(place.label for place in named)
-    else:
-        known = False
-    begun = begun if known else None
-    begun = begun or general_law(problem, table.nominal.fitted, table.entries, likely, scope)
+    begun, law = table.general, partial(general_law, problem, table.nominal.fitted, table.entries)
+    if begun and there and begun.fit.place.label not in {place.label for place in there}:
+        begun = None
+    # The best name may have come from elsewhere since.
+    missed = {place.label for place in where_a_law_acts(table.best, scope.places)}
+    missed -= begun.tried if begun else set()
+    if begun is None or (missed and begun.fit.problem.data is not problem.data):
+        begun = law(there or left_likely(table.places, scope.places), scope)
+    elif missed:
+        begun = begun.or_rather(law([], scope))
     memories = (TIME_CONSTANT, problem.settings.selection.long_time_constant, math.inf)
     scope.progress(f"the general law at {begun.fit.place.label}, to the free run")
     fit = replace(begun.fit, problem=begun.fit.problem.with_steps_of(problem))

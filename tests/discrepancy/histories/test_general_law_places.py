@@ -39,6 +39,49 @@ IWAN_D, SPRING_B = named("iwan_joint", "d"), named("stiffness_error", "b")
 DELAY, UNKNOWN = named("sensor_delay", "a1"), named("coulomb_friction", "z")
 
 
+A, B, C, D = EVERY = tuple(SimpleNamespace(label=label) for label in "abcd")
+
+
+@pytest.fixture
+def law(monkeypatch):
+    """General laws that leave as much at each place as is told, and where they were tried."""
+    still = PlaceMotion(*(jnp.zeros((1, 4)) for _ in range(4)), jnp.asarray(1e-3))
+    seen = []
+
+    def evidences(problem, fits):
+        values = np.array([-each.cost / 2.0 for each in fits])
+        return SimpleNamespace(values=values, temperature=1.0, tau=1.0)
+
+    for name, instead in {
+        "left_by_noise": lambda problem: NOISE,
+        "blank_at": lambda place: None,
+        "resonating": lambda *args: None,
+        "squares_at": lambda *args: [0.0],
+        "motion_of": lambda fit: still,
+        "force_in": lambda law, motion: jnp.zeros((1, 4)),
+        "scale": lambda *args: 1.0,
+        "evidence": evidences,
+    }.items():
+        monkeypatch.setattr(module, name, instead)
+    problem = SimpleNamespace(
+        settings=HISTORIES, parameters=1, begun_beside=lambda z: [z], predictor=None
+    )
+    nominal = SimpleNamespace(theta=np.zeros((1, 1)), hypothesis=None)
+    scope = SimpleNamespace(
+        in_time=lambda: True, progress=lambda line: None, kinds=(), places=EVERY
+    )
+
+    def found(left, entries, likely, further=()):
+        def fitted(problem, kind, place, starts, *known, **options):
+            seen.append(place.label)
+            return Fit(problem, place, NOISE * left[place.label])
+
+        monkeypatch.setattr(module, "fit_unnamed_law", fitted)
+        return module.general_law(problem, nominal, entries, likely, scope, further)
+
+    return found, seen
+
+
 @pytest.mark.parametrize(
     ("left", "entries", "tried", "best"),
     [
@@ -57,41 +100,26 @@ DELAY, UNKNOWN = named("sensor_delay", "a1"), named("coulomb_friction", "z")
     ],
 )
 def test_a_law_is_tried_where_the_best_name_is_and_where_something_acts(
-    monkeypatch, left, entries, tried, best
+    law, left, entries, tried, best
 ):
-    still = PlaceMotion(*(jnp.zeros((1, 4)) for _ in range(4)), jnp.asarray(1e-3))
-    seen = []
-
-    def fitted(problem, kind, place, starts, *known, **options):
-        seen.append(place.label)
-        return Fit(problem, place, NOISE * left[place.label])
-
-    def evidences(problem, fits):
-        values = np.array([-each.cost / 2.0 for each in fits])
-        return SimpleNamespace(values=values, temperature=1.0, tau=1.0)
-
-    for name, instead in {
-        "left_by_noise": lambda problem: NOISE,
-        "fit_unnamed_law": fitted,
-        "blank_at": lambda place: None,
-        "resonating": lambda *args: None,
-        "squares_at": lambda *args: [0.0],
-        "motion_of": lambda fit: still,
-        "force_in": lambda law, motion: jnp.zeros((1, 4)),
-        "scale": lambda *args: 1.0,
-        "evidence": evidences,
-    }.items():
-        monkeypatch.setattr(module, name, instead)
-    problem = SimpleNamespace(
-        settings=HISTORIES, parameters=1, begun_beside=lambda z: [z], predictor=None
-    )
-    nominal = SimpleNamespace(theta=np.zeros((1, 1)), hypothesis=None)
-    a, b, c, d = every = tuple(SimpleNamespace(label=label) for label in "abcd")
-    scope = SimpleNamespace(
-        in_time=lambda: True, progress=lambda line: None, kinds=(), places=every
-    )
-    found = module.general_law(problem, nominal, entries, [a, b], scope, [c, d])
+    general, seen = law
+    found = general(left, entries, [A, B], [C, D])
     assert "".join(seen) == tried
     assert found.fit.place.label == best
     assert found.probability > 0.99
     assert found.tried == set(tried)
+
+
+def test_of_two_laws_the_better_one_is_of_all_the_places_that_were_tried(law):
+    general, _ = law
+    left = {"a": 1.0, "b": 1.0, "c": 9.0, "d": 0.0}
+    first, second = (general(left, [], each) for each in ([A, B], [C, D]))
+    assert (first.probability, second.probability) == (pytest.approx(0.5), pytest.approx(1.0))
+    for found in (first.or_rather(second), second.or_rather(first)):
+        assert found.fit.place is D
+        assert found.probability == pytest.approx(1.0)
+        assert found.tried == set("abcd")
+    last = first.or_rather(general(left, [], [C]))
+    assert last.fit.place.label in "ab"
+    assert last.probability == pytest.approx(0.5)
+    assert last.tried == set("abc")
