@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from iwanjax.discrepancy.histories.general_law import PlacedLaw, motion_of
 from iwanjax.discrepancy.histories.joint_faults import (
     Limits,
     best_of_each,
@@ -17,6 +18,7 @@ from iwanjax.discrepancy.histories.joint_faults import (
     limited,
     stuck,
 )
+from iwanjax.discrepancy.histories.likeness import nearest_laws
 from iwanjax.discrepancy.histories.nested import begun_from
 from iwanjax.discrepancy.histories.place_test import gain_in_squares, like_no_linear_error
 from iwanjax.discrepancy.histories.ranking import (
@@ -47,7 +49,9 @@ from iwanjax.identification.multistart import (
 )
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start, Variant
+from iwanjax.identification.unnamed_law import force_in
 from iwanjax.joints.motion_only import AbstractMotionOnly
+from iwanjax.settings.stages import settings
 
 
 def probed(
@@ -205,6 +209,38 @@ def further_laws(
         if min(map(cost_of, found), default=math.inf) < enough:
             break
     return compared(shorts, entries, found, scope)
+
+
+def as_one_law(
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    shorts: Sequence[RankedFit],
+    entries: list[RankedFit],
+    general: PlacedLaw,
+    scope: Scope,
+) -> list[RankedFit]:
+    """Laws with all of their parameters that begin as the force of a general law, at its place.
+
+    Parameters
+    ----------
+    problem, nominal, shorts, entries, scope
+        As for the others.
+    general : PlacedLaw
+        As fitted.
+    """
+    fit, known = general.fit, problem.settings
+    motion = motion_of(fit)
+    force = np.asarray(force_in(fit.law, motion))
+    near = nearest_laws(scope.kinds, fit.place.scales, motion, force)
+    near = [each for each in near if each.share < settings().judgement.neighbour]
+    beside = problem.begun_beside(fit.fitted.theta.mean(axis=0)[: problem.parameters])
+    made = []
+    for kind, law, _ in near[: known.pairs.seconds]:
+        starts = [hypotheses.LawStart(law, z) for z in beside]
+        made.append(hypotheses.with_law(problem, kind, fit.place, starts))
+        scope.progress(f"refitting {made[-1][1][0].hypothesis.label} as the general law shows it")
+    limits = limited(problem, nominal, least(nominal, entries).cost, SHORT_TIME_CONSTANT)
+    return compared(shorts, entries, best_of_each(made, limits, scope), scope)
 
 
 def sought_at(

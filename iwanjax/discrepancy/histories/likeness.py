@@ -10,8 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from iwanjax.effects.kinds import ForceKind
-from iwanjax.joints import PlaceMotion, UnnamedLaw
+from iwanjax.effects.kinds import ForceKind, JointKind, Kind
+from iwanjax.estimation.settings import SEARCH
+from iwanjax.identification.joint_priors import Joint, located, unknown
+from iwanjax.joints import AbstractJoint, PlaceMotion, UnnamedLaw, hysteresis
 from iwanjax.joints.force_law import Scales
 from iwanjax.joints.unnamed_terms import PARTS
 from iwanjax.settings.stages import settings
@@ -168,7 +170,9 @@ def _growth(v: np.ndarray, force: np.ndarray) -> str:
     return f"damping that grows with the rate to the power {power:.1f}"
 
 
-def nearest(kinds: Sequence[ForceKind], motion: PlaceMotion, force: np.ndarray) -> dict[str, float]:
+def nearest(
+    kinds: Sequence[Kind], seen: Scales, motion: PlaceMotion, force: np.ndarray
+) -> dict[str, float]:
     r"""Named kinds by how nearly each makes the law's force in the same motion.
 
     Of the share :math:`r` of the force that a kind's best size and shape leave the odds against
@@ -177,8 +181,10 @@ def nearest(kinds: Sequence[ForceKind], motion: PlaceMotion, force: np.ndarray) 
 
     Parameters
     ----------
-    kinds : sequence of ForceKind
-        To be tried.
+    kinds : sequence of Kind
+        To be tried: forces, and joints left out of which all parameters are fitted.
+    seen : Scales
+        What the place has seen.
     motion : PlaceMotion
         Of the place, (recordings, N).
     force : (recordings, N) array
@@ -191,14 +197,82 @@ def nearest(kinds: Sequence[ForceKind], motion: PlaceMotion, force: np.ndarray) 
     """
     known, odds = settings().judgement, {}
     whole = max(float(np.sum(force**2)), 1e-300)
-    for kind in kinds:
-        left = _left(kind, motion, force) / whole
-        share = max(float(np.sqrt(max(left, 0.0))), 1e-6)
-        own = (known.neighbour / share) ** known.sharpness
-        odds[kind.name] = max(own, odds.get(kind.name, 0.0))
+    forces = [kind for kind in kinds if isinstance(kind, ForceKind)]
+    shares = [(kind.name, math.sqrt(_left(kind, motion, force) / whole)) for kind in forces]
+    shares += [(e.kind.name, e.share) for e in nearest_laws(kinds, seen, motion, force)]
+    for name, share in shares:
+        own = (known.neighbour / max(share, 1e-6)) ** known.sharpness
+        odds[name] = max(own, odds.get(name, 0.0))
     total = 1.0 + sum(odds.values())
     ordered = sorted(odds.items(), key=lambda each: -each[1])
     return {name: each / total for name, each in ordered[: known.listed]}
+
+
+class NearLaw(NamedTuple):
+    """A joint left out that makes about the force of a law.
+
+    Attributes
+    ----------
+    kind : JointKind
+        Its name.
+    law : AbstractJoint
+        With its parameters.
+    share : float
+        Of the force, root mean square, that it leaves.
+    """
+
+    kind: JointKind
+    law: AbstractJoint
+    share: float
+
+
+def nearest_laws(
+    kinds: Sequence[Kind], seen: Scales, motion: PlaceMotion, force: np.ndarray
+) -> list[NearLaw]:
+    """Joints left out whose forces are nearest to a law's, the nearest first.
+
+    All of their parameters are fitted to the force, from where a search of each begins.
+
+    Parameters
+    ----------
+    kinds, seen, motion, force
+        As for :func:`nearest`.
+    """
+    found = []
+    for kind in kinds:
+        # What K holds already makes no force of its own here.
+        if not isinstance(kind, JointKind) or kind.law is None or kind.within:
+            continue
+        begun = kind.law.begun(seen, **dict(kind.held))
+        joint = unknown(begun[-1])
+        values = [{p.name: float(getattr(each, p.name)) for p in each.parameters} for each in begun]
+        starts = np.stack([located(joint, each) for each in values])
+        found_by = _nearest_of(joint, *jax.device_put((starts, motion, force)))
+        ends, left = map(np.asarray, found_by)
+        best = int(np.argmin(left))
+        law = jax.device_get(joint.at(jax.device_put(ends[best])))
+        found.append(NearLaw(kind, law, math.sqrt(float(left[best]))))
+    return sorted(found, key=lambda each: each.share)
+
+
+@eqx.filter_jit
+def _nearest_of(joint: Joint, z: Array, motion: PlaceMotion, force: Array) -> tuple[Array, Array]:
+    """Ends of searches from some z, and what share of the force's squares each leaves."""
+    import optimistix as optx  # here, because few need it and it is slow to import
+
+    whole = jnp.maximum(jnp.linalg.norm(force), 1e-300)
+
+    def off(z: Array, _: None) -> Array:
+        made = hysteresis(joint.at(z), motion.d, sliders=None, dt=motion.dt)
+        return jnp.ravel(made - force) / whole
+
+    def one(z: Array) -> tuple[Array, Array]:
+        solver = optx.LevenbergMarquardt(rtol=SEARCH.host_tolerance, atol=SEARCH.host_tolerance)
+        end = optx.least_squares(off, solver, z, max_steps=SEARCH.most_steps, throw=False).value
+        left = jnp.sum(off(end, None) ** 2)
+        return end, jnp.where(jnp.isfinite(left), left, jnp.inf)
+
+    return jax.lax.map(one, z)
 
 
 class SizedLaw(NamedTuple):

@@ -7,7 +7,12 @@ from functools import partial
 from typing import NamedTuple
 
 from iwanjax.discrepancy.findings import PlaceEvidence, Score
-from iwanjax.discrepancy.histories.further_suspects import appearing, further_laws, probed
+from iwanjax.discrepancy.histories.further_suspects import (
+    appearing,
+    as_one_law,
+    further_laws,
+    probed,
+)
 from iwanjax.discrepancy.histories.general_law import PlacedLaw, as_two_laws, general_law
 from iwanjax.discrepancy.histories.joint_faults import (
     like_a_joint,
@@ -164,6 +169,8 @@ def run(
         two = partial(as_two_laws, problem, general, scope)
         pairs = attempted("looking for two laws at one place", two, [], failures)
         entries = distinct([*entries, *pairs])
+        one = partial(as_one_law, problem, base.fitted, shorts, entries, general, scope)
+        entries = attempted("looking for one law of several parameters", one, entries, failures)
     base, entries = ranked(base, entries)
     if entries and missing(base, entries[0]):
         simpler = partial(with_nested_laws, problem, entries, scope)

@@ -34,7 +34,7 @@ from iwanjax.discrepancy.histories.score_test import left_likely
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
-from iwanjax.effects.kinds import ForceKind, UnnamedKind
+from iwanjax.effects.kinds import Kind, UnnamedKind
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.places import Place
@@ -209,8 +209,7 @@ def beyond_names(
     probability = acting(now, before, general, placed.probability)
     if now.found or probability < settings().judgement.likely:
         return None
-    kinds = [kind for kind in scope.kinds if isinstance(kind, ForceKind)]
-    force = characterised(placed, kinds)
+    force = characterised(placed, scope.kinds)
     kept = sum(now.named) / max(sum(verdict.named), 1e-300)
     return Beyond(now, kept, probability, after, placed.entry, force)
 
@@ -266,14 +265,14 @@ def beside_linear(table: ModelSelection, scope: Scope) -> ModelSelection:
     return table._replace(detected=found, nominal=base, entries=tuple(entries))
 
 
-def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce:
+def characterised(placed: PlacedLaw, kinds: Sequence[Kind]) -> UnnamedForce:
     """What the law does in the recordings: in words, by the names nearest to it, as curves.
 
     Parameters
     ----------
     placed : PlacedLaw
         As fitted.
-    kinds : sequence of ForceKind
+    kinds : sequence of Kind
         Names to compare it with.
     """
     fit, motion = placed.fit, motion_of(placed.fit)
@@ -285,7 +284,7 @@ def characterised(placed: PlacedLaw, kinds: Sequence[ForceKind]) -> UnnamedForce
         where=fit.place.label,
         law=fit.law,
         description=described(fit.law, motion, parts),
-        nearest=nearest(kinds, motion, force),
+        nearest=nearest(kinds, fit.place.scales, motion, force),
         terms=float(np.sum(fit.determined)),
         path=np.stack([motion.d[hardest], force[hardest]]),
         backbone=backbone,

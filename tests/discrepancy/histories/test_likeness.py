@@ -4,17 +4,24 @@ import jax
 import numpy as np
 import pytest
 
-from iwanjax.discrepancy.histories.likeness import SizedLaw, described, nearest, nearest_pairs
-from iwanjax.effects.catalogue import kinds_of
+from iwanjax.discrepancy.histories.likeness import (
+    SizedLaw,
+    described,
+    nearest,
+    nearest_laws,
+    nearest_pairs,
+)
+from iwanjax.effects.catalogue import kinds_in_time, kinds_of
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.places import Place
 from iwanjax.identification.unnamed_law import blank_at, force_in, nearest_strengths
-from iwanjax.joints import Gap, Jenkins, PlaceMotion, UnnamedLaw, hysteresis
+from iwanjax.joints import BoucWen, Gap, Jenkins, PlaceMotion, UnnamedLaw, hysteresis
 from iwanjax.joints.duhem import FIRST_BRANCH, NODES
 from iwanjax.joints.force_law import Scales
 from iwanjax.joints.unnamed_terms import BANKS, BENDS, PARTS, POWERS, TERMS
 
 K, GAP, SLIP = 4e4, 1.2e-4, 2e-5
+SEEN = Scales(5e-4, 1.0 / 40.0, stiffness=1e5)
 NAMES = ("coulomb_friction", "gap_contact", "cubic_stiffness", "viscous_damping", "viscoelastic")
 
 
@@ -49,7 +56,27 @@ def test_a_gap_in_which_something_rubs_is_a_gap_and_dry_friction(decays):
     # Every pair of names once, of a gap both sides or either.
     pairs = [frozenset(str(each.kind) for each in pair) for pair in [first, *others]]
     assert len(set(pairs)) == len(pairs)
-    assert max(nearest(kinds(), decays, force).values()) < 0.5
+    assert max(nearest(kinds(), SEEN, decays, force).values()) < 0.5
+
+
+def test_a_law_of_several_parameters_is_found_by_its_force(decays):
+    """From where a search of it begins, which is far from it; dry friction is only like it."""
+    exact = BoucWen(F_S=K * SLIP, K_T=K, n=1.4)
+    force = np.asarray(hysteresis(exact, decays.d))
+    among = kinds_in_time(("bouc_wen", "tanh_spring", "coulomb_friction", "iwan_joint"))
+    first, *others = nearest_laws(among, SEEN, decays, force)
+    assert first.kind.name == "bouc_wen"
+    assert first.share < 1e-3
+    for name in ("F_S", "K_T", "n"):
+        assert float(getattr(first.law, name)) == pytest.approx(
+            float(getattr(exact, name)), rel=0.01
+        )
+    # Of kinds without a law of their own nothing is fitted here.
+    assert {each.kind.name for each in others} <= {"bouc_wen", "tanh_spring"}
+    probable = nearest(among, SEEN, decays, force)
+    assert next(iter(probable)) == "bouc_wen"
+    assert probable["bouc_wen"] > 0.99
+    assert nearest_laws(kinds(), SEEN, decays, force) == []
 
 
 def test_what_cannot_be_negative_is_in_no_pair_with_another_sign(decays):
