@@ -228,6 +228,8 @@ def as_one_law(
     general : PlacedLaw
         As fitted.
     """
+    if not scope.in_time():
+        return entries
     fit, known = general.fit, problem.settings
     motion = motion_of(fit)
     force = np.asarray(force_in(fit.law, motion))

@@ -157,7 +157,8 @@ def beyond_names(
     it may as well be what the name lacks, and where it is little more, but what no error of a
     linear model does and other laws at that place do
     (:func:`~iwanjax.discrepancy.histories.place_test.more_there`): a joint that hardly slips looks
-    like a spring. Held-out recordings refuse the law where it predicts them worse than the best
+    like a spring. And where names at several places explain the recordings, which one law at one of
+    these may as well. Held-out recordings refuse the law where it predicts them worse than the best
     name, or the model without any.
 
     Parameters
@@ -172,8 +173,8 @@ def beyond_names(
     Returns
     -------
     Beyond or None
-        None where a name explains the recordings, be it but those fitted, of which alone a law can
-        learn; or where the law explains less than the names do.
+        None where a name at one place explains the recordings, be it but those fitted, of which
+        alone a law can learn; or where the law explains less than the names do.
     """
     verdict, best, allowed, there = ended.verdict, ended.best, ended.allowed, list[Place]()
     if not verdict.detected or not scope.in_time():

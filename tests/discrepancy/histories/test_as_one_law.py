@@ -1,5 +1,7 @@
 """A law of several parameters that no screening saw begins as the general law's force."""
 
+from dataclasses import replace
+
 import numpy as np
 from linear_pair import ROWS, measured_force, problem, simulated, stiffness_with_joint
 
@@ -43,3 +45,5 @@ def test_what_makes_the_same_force_is_refitted_at_its_place():
     assert entry.fitted.hypothesis.label == "tanh_spring@m2"
     assert entry.fitted.cost < 1.1 * left_by_noise(made)
     assert told == ["refitting tanh_spring@m2 as the general law shows it"]
+    late = replace(scope, in_time=lambda: False)
+    assert as_one_law(made, nominal, [], [entry], placed, late) == [entry]
