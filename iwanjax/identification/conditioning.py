@@ -89,14 +89,18 @@ class MeasuredForces:
         """Where the inputs act, on all modes."""
         return np.asarray(self.modal.W)
 
-    def pushed(
-        self, made: Predictor, more: Float[np.ndarray, "recordings N inputs"]
-    ) -> Float[np.ndarray, "recordings N substeps states"]:
-        """What more force at the inputs does to the modes, as in :class:`~.predictor.Data`."""
+    def acting(
+        self, made: Predictor, data: Data, more: Float[np.ndarray, "recordings N inputs"]
+    ) -> Data:
+        """Data with more force at the inputs."""
         at_end, pairs = _at_end(made, self.modal), zip(more, self.cut, strict=True)
-        found = np.stack([_pushed(made, at_end, *each, self.settings) for each in pairs])
-        found[self.moving, 0, -1, 2 * made.kept :] += more[self.moving, 0] @ at_end
-        return found
+        push = np.stack([_pushed(made, at_end, *each, self.settings) for each in pairs])
+        push[self.moving, 0, -1, 2 * made.kept :] += more[self.moving, 0] @ at_end
+        beyond = np.stack([made.left.driven(f, made.rate, made.quantity) for f in more])
+        return data._replace(
+            push=jax.device_put(np.asarray(data.push) + push),
+            beyond=jax.device_put(np.asarray(data.beyond) + beyond),
+        )
 
 
 def conditioned(
@@ -133,12 +137,7 @@ def conditioned(
     """
     rows, noises, freedoms, warnings = [], [], [], []
     forces, lost = np.zeros((2, len(recordings), length, modal.W.shape[1]))
-    cycles = (
-        math.sqrt(np.max(np.asarray(made.omega2)))
-        * float(made.dt)
-        * made.substeps
-        / (2.0 * math.pi)
-    )
+    cycles = math.sqrt(np.max(np.asarray(made.omega2))) / (2.0 * math.pi * made.rate)
     beside = settings.ringing if cycles > settings.high else settings.beside
     at_end, cut = _at_end(made, modal), np.zeros(len(recordings), bool)
     lasting = np.zeros((len(recordings), forces.shape[2]))
@@ -188,6 +187,7 @@ def conditioned(
         rows.append(
             (
                 push,
+                made.left.driven(forces[i], made.rate, made.quantity),
                 np.pad(np.where(lacking, 0.0, response), (missing, (0, 0))),
                 np.pad(weight, (missing, (0, 0))),
                 kick,
@@ -197,9 +197,9 @@ def conditioned(
         noises.append(noise)
         freedoms.append(np.where(lacking, np.inf, own.freedom))
     filled = [rows[i % len(rows)] for i in range(count)]
-    push, response, weight, kick, unsure = (np.stack(x) for x in zip(*filled, strict=True))
+    push, beyond, response, weight, kick, unsure = (np.stack(x) for x in zip(*filled, strict=True))
     weight[len(rows) :] = 0.0
-    data = Data(*jax.device_put((push, response, weight, kick, unsure)))
+    data = Data(*jax.device_put((push, beyond, response, weight, kick, unsure)))
     names = tuple(each.name for each in recordings)
     which = np.arange(count) % len(rows)
     moving = np.array([each.moving for each in recordings])

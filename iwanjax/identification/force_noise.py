@@ -6,7 +6,6 @@ shaker's is not: its noise drives the model as well, and a right model is off by
 
 from dataclasses import replace
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -50,9 +49,7 @@ def moved_by_force_noise(
     found: list[np.ndarray] = []
     for _ in range(draws):
         noise = forces.noise[:, None] * random.standard_normal(forces.clean.shape)
-        more = forces.pushed(problem.predictor, noise)
-        push = jax.device_put(np.asarray(data.push) + more)
-        moved = replace(problem, data=data._replace(push=push))
+        moved = replace(problem, data=forces.acting(problem.predictor, data, noise))
         (after,) = residuals_at(moved, [(hypothesis, theta)], time_constant)
         found.append(after - before)
     changes = np.stack(found)

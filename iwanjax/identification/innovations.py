@@ -105,24 +105,32 @@ def _run(
     kick = data.unsure @ values.state
     # A sensor that this recording lacks corrects nothing.
     there = jnp.any(data.weight > 0, axis=0)
-    corrects = turned(gain)
+    corrects, left = turned(gain), predictor.left
+
+    first, last = predictor.joints.shape[0], run.mobility.shape[0]
 
     def step(at: _State, felt: Array) -> tuple[_State, Any]:
         at, motion = run.step(at, felt)
-        first, last = predictor.joints.shape[0], run.mobility.shape[0]
-        return at, kept(motion, -at.g[first:last])
+        return at, (kept(motion, -at.g[first:last]), at.g[:last] if left.number else None)
 
     def sample(at: _State, measured: tuple[Array, ...]) -> tuple[_State, tuple[Array, Any]]:
-        push, felt, y, kicked = measured
+        push, beyond, felt, y, kicked = measured
         # A loop, not unrolled: half the time to compile, and no slower.
-        at, motion = jax.lax.scan(step, at, felt)
+        at, (motion, forces) = jax.lax.scan(step, at, felt)
         at = at._replace(z=at.z + kicked * kick)
-        shown, chain = run.chained(run.seen(at, push), at.chain)
+        shown, chain = run.chained(run.seen(at, push) + beyond, at.chain)
         e = jnp.where(there, y - shown, 0.0)
-        return at._replace(z=at.z + through(corrects, e), chain=chain), (e, motion)
+        return at._replace(z=at.z + through(corrects, e), chain=chain), (e, (motion, forces))
 
-    measured = (data.push[:, -1], run.felt, data.response, data.kick)
-    return jax.lax.scan(sample, run.rest(), measured)[1]
+    measured = (data.push[:, -1], data.beyond, run.felt, data.response, data.kick)
+    e, (motion, forces) = jax.lax.scan(sample, run.rest(), measured)[1]
+    if left.number:
+        rate = 1.0 / (predictor.dt * predictor.substeps)
+        rows = jnp.concatenate([predictor.joints, suspects.row])[:, predictor.kept :]
+        # Of forces that are known when all is over: no observer is corrected by it.
+        more = left.shown(rows, forces, rate, predictor.quantity, jnp)
+        e = e - jnp.where(there, more, 0.0)
+    return e, motion
 
 
 class _State(NamedTuple):
@@ -212,7 +220,8 @@ class _Run(NamedTuple):
                 jnp.concatenate([-new * predictor.omega2, -on(predictor.C.T, new.T).T], axis=1),
             ]
         )
-        flexibility = (left * predictor.left) @ left.T
+        yielding = left * predictor.left.flexibility
+        flexibility = yielding @ left.T
         inertance = new @ rows.T
         at_once = jnp.concatenate([flexibility, nil, inertance]) @ expected
         size = sizes_of(suspects, values.suspects)
@@ -228,7 +237,7 @@ class _Run(NamedTuple):
         carried = suspects.row @ predictor.ground.modes
         felt = jnp.concatenate(
             [
-                pushed.left @ (left * predictor.left).T,
+                pushed.left @ yielding.T,
                 jnp.zeros((*push.shape[:-1], m)),
                 pushed.modal @ new.T + pushed.ground @ carried.T,
             ],

@@ -10,9 +10,8 @@ from jaxtyping import Array, Float
 from iwanjax.effects.catalogue import shipped
 from iwanjax.identification.innovations import AtSamples, at_samples, innovations, motions
 from iwanjax.identification.joint_priors import Joint, joints_at, parameters_of
-from iwanjax.identification.parameter_map import ParameterMap
 from iwanjax.identification.predictor import Data, Predictor
-from iwanjax.identification.suspects import Suspects, Values
+from iwanjax.identification.suspects import ParameterMap, Suspects, Values
 from iwanjax.joints import PlaceMotion
 from iwanjax.kernels import Kept
 from iwanjax.signals.comparison_band import in_band

@@ -94,7 +94,7 @@ def places_of(
     """Places by their rows on all modes, with what they have seen."""
     seen_at = np.any(np.asarray(problem.data.weight) > 0, axis=2)
     predictor, kept = problem.predictor, problem.predictor.kept
-    omega2, left = np.asarray(predictor.omega2), np.asarray(predictor.left)
+    omega2, left = np.asarray(predictor.omega2), np.asarray(predictor.left.flexibility)
     duration = float(np.max(np.sum(seen_at, axis=1))) * float(predictor.dt) * predictor.substeps
     # A rigid body withstands nothing: what holds it is its inertia.
     elastic = omega2 > 0.0

@@ -1,6 +1,6 @@
 """What predicts recordings from a sample to the next: modes, places of joints, sensors, forces."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,12 +15,10 @@ from iwanjax.effects.faults import AbstractSensorFault
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.errors import InputError
 from iwanjax.identification.ground import Ground, Pushed, ground_of
+from iwanjax.identification.modes_left_out import ModesLeftOut, Quantity, modes_left_out
 from iwanjax.identification.suspects import Suspects
 from iwanjax.signals.comparison_band import END
 from iwanjax.structures import JointedStructure, LinearTrust
-
-Quantity = Literal["acceleration", "velocity", "displacement"]
-"""What the sensors measure."""
 
 # Modes beyond this share of the sampling rate act by their flexibility.
 _HIGHEST = 0.6
@@ -34,6 +32,8 @@ class Data(NamedTuple):
     push : (recordings, N, substeps, states) array
         What the forces do over each step that leads to a sample: to q, to v, their modal
         forces at its end, those of the modes left out, and the acceleration of the ground.
+    beyond : (recordings, N, sensors) array
+        What the sensors show of what the forces do to the modes left out.
     response : (recordings, N, sensors) array
         As measured; zero for a sensor that a recording lacks.
     weight : (recordings, N, sensors) array
@@ -46,6 +46,7 @@ class Data(NamedTuple):
     """
 
     push: Float[Array, "recordings N substeps states"]
+    beyond: Float[Array, "recordings N sensors"]
     response: Float[Array, "recordings N sensors"]
     weight: Float[Array, "recordings N sensors"]
     kick: Float[Array, "recordings N"]
@@ -67,8 +68,8 @@ class Predictor(eqx.Module):
         Their rows on all modes.
     sensors : (sensors, kept) array
         What the sensors see of the modes that move.
-    left : (modes - kept,) array
-        Flexibilities of the others.
+    left : ModesLeftOut
+        The others, by whose flexibilities joints yield at once.
     stiffness : (joints,) array
         Reference stiffness of the joints.
     within : (joints,) array
@@ -94,7 +95,7 @@ class Predictor(eqx.Module):
     C: Float[Array, "*kept"]
     joints: Float[Array, "joints modes"]
     sensors: Float[Array, "sensors kept"]
-    left: Float[Array, " left"]
+    left: ModesLeftOut
     stiffness: Float[Array, " joints"]
     within: Float[Array, " joints"]
     by: Hold
@@ -112,6 +113,11 @@ class Predictor(eqx.Module):
     def kept(self) -> int:
         """Number of modes that move."""
         return self.omega2.shape[0]
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate, Hz."""
+        return 1.0 / (float(self.dt) * self.substeps)
 
     @property
     def errors(self) -> int:
@@ -181,7 +187,7 @@ class Predictor(eqx.Module):
 
     def parts(self, push: Array | np.ndarray) -> Pushed:
         """What a push of the data consists of."""
-        r, left = self.kept, self.left.shape[0]
+        r, left = self.kept, self.left.number
         a, b, c = 2 * r, 3 * r, 3 * r + left
         return Pushed(push[..., :a], push[..., a:b], push[..., b:c], push[..., c:])
 
@@ -352,7 +358,7 @@ def predictor(
         jax.device_put(C[part]),
         modal.P,
         jax.device_put(Y[:, :kept]),
-        jax.device_put(1.0 / omega2[kept:]),
+        jax.device_put(modes_left_out(modal, kept)),
         modal.stiffness,
         jax.device_put(np.zeros(len(modal.stiffness))),
         jax.device_put(hold(omega2[:kept], C[part], dt)),

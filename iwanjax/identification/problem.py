@@ -16,9 +16,8 @@ from iwanjax.effects.kinds import ForceKind, Kind
 from iwanjax.identification.conditioning import MeasuredForces
 from iwanjax.identification.joint_priors import Joint, parameters_of, tangents
 from iwanjax.identification.observer import observer_gain, process_noise, stepped
-from iwanjax.identification.parameter_map import ParameterMap
 from iwanjax.identification.predictor import Data, Predictor
-from iwanjax.identification.suspects import Suspects
+from iwanjax.identification.suspects import ParameterMap, Suspects
 from iwanjax.settings.histories import HISTORIES, HistorySettings
 
 DIFFERENCE = 1e-4
@@ -249,8 +248,7 @@ class HistoryProblem:
             size = hypothesis.physical(theta.mean(axis=0), self.map, slot)[0] / fault.unit(dt)
             for force, lost in zip(acted, self.forces.lost, strict=True):
                 force[:, which] = fault.acted(force[:, which], size, lost[:, which])
-        more = self.forces.pushed(self.predictor, acted - self.forces.clean)
-        return self.data._replace(push=jax.device_put(np.asarray(self.data.push) + more))
+        return self.forces.acting(self.predictor, self.data, acted - self.forces.clean)
 
     def nothing(self, slots: int = 1) -> Hypothesis:
         """The model as it is."""

@@ -14,9 +14,9 @@ from iwanjax.effects.catalogue import CATALOGUE
 from iwanjax.identification import estimates, hypotheses
 from iwanjax.identification.estimates import determined
 from iwanjax.identification.multistart import multistart
-from iwanjax.identification.parameter_map import ParameterMap
 from iwanjax.identification.recordings import StudyRecording
 from iwanjax.identification.steady.fit import PlacedEffect
+from iwanjax.identification.suspects import ParameterMap
 
 SEARCH = SimpleNamespace(parameters=0, map=ParameterMap(0), recordings=1, directions=0, order=(0,))
 

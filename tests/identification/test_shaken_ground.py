@@ -75,7 +75,7 @@ def problem(response, quantity="acceleration", first=0, **options):
         2,
         base=1,
     )
-    assert made.left.size == 1
+    assert made.left.number == 1
     force = np.stack([np.zeros(N), ground(T)[0]], axis=1)[first:]
     recording = StudyRecording("rec", response[first:], force, **options)
     noise = np.full(3, 1e-3 * np.std(response))

@@ -27,9 +27,9 @@ from iwanjax.identification.joint_priors import joints_of
 from iwanjax.identification.likelihood import unknowns
 from iwanjax.identification.linearise import residuals_at
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, multistart
-from iwanjax.identification.parameter_map import ParameterMap
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start
+from iwanjax.identification.suspects import ParameterMap
 from iwanjax.joints import AbstractJoint
 from iwanjax.joints.force_law import Scales, Values
 

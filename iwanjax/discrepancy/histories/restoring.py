@@ -183,7 +183,7 @@ def _recovered(
     own, left = np.split(np.asarray(fit.hypothesis.suspects.row)[slot], [kept])
     watched = np.zeros((4, 2 * kept + 2))
     watched[0, :kept] = own
-    watched[0, -2] = -(left * np.asarray(problem.predictor.left)) @ left
+    watched[0, -2] = -(left * np.asarray(problem.predictor.left.flexibility)) @ left
     watched[1, kept:-2] = own
     watched[2, :-2], watched[2, -2] = own @ A[kept:], own @ B[kept:]
     watched[3, -2] = 1.0

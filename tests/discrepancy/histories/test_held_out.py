@@ -6,7 +6,7 @@ import pytest
 from iwanjax.discrepancy.histories.validation import FreeRun, joined, zeros_off
 from iwanjax.identification.free_values import elapsed, rates
 from iwanjax.identification.multistart import laid_out
-from iwanjax.identification.parameter_map import ParameterMap
+from iwanjax.identification.suspects import ParameterMap
 from iwanjax.settings.histories import HISTORIES
 
 RNG = np.random.default_rng(3)

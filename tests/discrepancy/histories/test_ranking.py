@@ -22,7 +22,7 @@ from iwanjax.discrepancy.histories.validation import compared
 from iwanjax.effects.catalogue import kinds_of
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.likelihood import covariance, left_by_noise
-from iwanjax.identification.parameter_map import ParameterMap
+from iwanjax.identification.suspects import ParameterMap
 from iwanjax.joints import PlaceMotion
 from iwanjax.settings.histories import HISTORIES
 from iwanjax.signals.comparison_band import OF_NOISE
