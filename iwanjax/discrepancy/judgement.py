@@ -8,7 +8,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from iwanjax.errors import InputError
-from iwanjax.estimation.evidence import AS_LIKELY_WRONG, misspecification_probability, shares
+from iwanjax.estimation.evidence import (
+    AS_LIKELY_WRONG,
+    MODEL_ERROR_ALLOWANCE,
+    misspecification_probability,
+    shares,
+)
 from iwanjax.settings.stages import settings
 
 VerdictName = Literal["nothing_missing", "something_missing", "undecided"]
@@ -206,7 +211,11 @@ def beside_general_law(
 
     .. math:: \frac{b^4}{a^4 + b^4},
 
-    one half where neither leaves anything.
+    one half where neither leaves anything. And names that leave more than noise are none where the
+    law leaves no more: with :math:`p = 1/(1 + ((r^2 - 1)/0.06)^2)` for what either leaves of the
+    noise at most, r, and 0.06 what is allowed for errors of models, no more is kept than
+
+    .. math:: 1 - p_{law}\,(1 - p_{names}) .
 
     Parameters
     ----------
@@ -220,6 +229,7 @@ def beside_general_law(
         Whether the best of them act at several places.
     """
     kept = _beside_one(named, general) if apart else _neighbouring(named, general)
+    kept = min(kept, 1.0 - _as_right(general) * (1.0 - _as_right(named)))
     names = tuple(kept * each for each in verdict.named)
     name = _named(verdict.nothing, names)
     return Verdict(
@@ -352,6 +362,12 @@ def _beside_one(named: Misfit, general: Misfit) -> float:
     half = settings().judgement.sharpness / 2.0
     odds = (b / a) ** half if a > 0.0 else math.inf
     return odds / (1.0 + odds) if math.isfinite(odds) else 1.0
+
+
+def _as_right(misfit: Misfit) -> float:
+    """How far what a model leaves may be what errors that are allowed of any model do."""
+    more = max(misfit.largest**2 - 1.0, 0.0) / MODEL_ERROR_ALLOWANCE
+    return 1.0 / (1.0 + more**2)
 
 
 def _left(before: Misfit, after: Misfit) -> float:

@@ -160,6 +160,7 @@ class _Run(NamedTuple):
     size: Array
     shape: Array
     elements: Joints
+    heavy: tuple[tuple[int, Any], ...]
     onward: Turned
     felt: Array
     compliance: Array
@@ -180,7 +181,10 @@ class _Run(NamedTuple):
         values: Values,
         push: Array,
     ) -> "_Run":
-        elements = Joints.of(tuple(joint.discrete(None) for joint in joints))
+        # Inertia that followed from deflections would bounce on the flexibility of modes left out.
+        parts = [joint.discrete(None).apart() for joint in joints]
+        elements = Joints.of(tuple(element for element, _ in parts))
+        heavy = tuple((i, masses) for i, (_, masses) in enumerate(parts) if masses is not None)
         if joints:
             own = jnp.stack([joint.initial_stiffness for joint in joints])
             own = jnp.where(predictor.within > 0, own, predictor.stiffness)
@@ -188,7 +192,8 @@ class _Run(NamedTuple):
         whole = jnp.concatenate([predictor.joints, suspects.row])
         kept = predictor.kept
         rows, left = whole[:, :kept], whole[:, kept:]
-        new = suspects.row[:, :kept]
+        feel = jnp.concatenate([suspects.row, *(predictor.joints[i : i + 1] for i, _ in heavy)])
+        new = feel[:, :kept]
         by = predictor.by
         q = [on(b, rows.T) for b in by.q_by]
         v = [on(b, rows.T) for b in by.v_by]
@@ -234,7 +239,7 @@ class _Run(NamedTuple):
         a_own, v_own = (jnp.diagonal(x[:, n:]) for x in (inertance, mobility[n:]))
         pushed = predictor.parts(push)
         # What has inertia feels the absolute acceleration, though places see the relative motion.
-        carried = suspects.row @ predictor.ground.modes
+        carried = feel @ predictor.ground.modes
         felt = jnp.concatenate(
             [
                 pushed.left @ yielding.T,
@@ -249,6 +254,7 @@ class _Run(NamedTuple):
             size,
             shape,
             elements,
+            heavy,
             turned(jnp.concatenate([modes, expected, watch @ modes + at_once])),
             jnp.concatenate(
                 [pushed.state, jnp.zeros((*push.shape[:-1], m)), pushed.state @ watch.T + felt],
@@ -284,13 +290,20 @@ class _Run(NamedTuple):
         new = through(self.onward, jnp.concatenate([at.z, at.g])) + felt
         z, expected, d, rate, a = jnp.split(new, np.cumsum([2 * r, m, m, m]))
         n = self.by.joints.shape[0]
+        a, carried = jnp.split(a, [m - n])
         motion = PlaceMotion(d[n:], rate[n:], a, d[n:] - at.d[n:], self.by.dt)
-        late, joints, memory = self._forces(d[:n], rate[:n], motion, at, expected)
+        late, joints, memory = self._forces(d[:n], rate[:n], carried, motion, at, expected)
         g = jnp.concatenate([expected, at.g[: 2 * m], jnp.zeros(m)]) + late
         return _State(z, g, d, joints, memory, at.chain), motion
 
     def _forces(
-        self, d: Array, v: Array, motion: PlaceMotion, at: _State, expected: Array
+        self,
+        d: Array,
+        v: Array,
+        carried: Array,
+        motion: PlaceMotion,
+        at: _State,
+        expected: Array,
     ) -> tuple[Array, tuple[Any, ...], Array]:
         """Pseudo-forces less the expected ones, and what joints and suspects remember."""
         predictor, n, m = self.by, self.by.joints.shape[0], self.mobility.shape[0]
@@ -300,6 +313,9 @@ class _Run(NamedTuple):
         slope = (predictor.stiffness - stiffness)[:, None] * self.compliance[:n, :n]
         slope = slope - reaction.damping[:, None] * self.mobility[:n, :n]
         J = jnp.eye(n) - slope
+        for (i, masses), a, by in zip(self.heavy, carried, self.inertance[m - n :], strict=True):
+            off = off.at[i].add(-masses.force(d[i], v[i], a))
+            J = J.at[i].add(masses.at(d[i]) * by[:n])
         rows = [[J[i, j] for j in range(n)] for i in range(n)]
         e = jnp.stack(solve_general(rows, list(off))) if n else off
         total, memory = self._suspected(motion, at.memory)

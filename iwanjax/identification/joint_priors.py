@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from iwanjax.estimation.transforms import share_of, to_value, to_variable
 from iwanjax.joints import AbstractJoint, ParameterInfo, UnnamedLaw
 from iwanjax.joints.duhem import FIRST_BRANCH
-from iwanjax.joints.unnamed_terms import BANKS, DUHEM, ELASTIC, RESONANCE, TERMS
+from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, PARTS, RESONANCE, TERMS
 from iwanjax.types import Scalar
 
 # Deviations of the joints' parameters about the values that the model was given: of the
@@ -68,11 +68,10 @@ class Joint(eqx.Module):
 class FreeLaw(Joint):
     """A general law whose strengths follow from z: so many of their prior deviations.
 
-    Either all of them but that of the spring that yields along a curve, or that spring in place of
-    the sliders, the yielding springs and the bristles: together these come so near to any
-    hysteresis that no data tell them apart. The frequency and the damping of the mass that
-    resonates come after the strengths in z, by factors of e^4 that nothing is known of; the shape
-    of the curve comes last, about that of the first branch by a factor of e for each.
+    Of those that are free. The frequency and the damping of the mass that resonates come after the
+    strengths in z, by factors of e^4 that nothing is known of; where the spring that yields along a
+    curve is free the shape of that curve comes last, about that of the first branch by a factor of
+    e for each.
 
     Attributes
     ----------
@@ -80,16 +79,21 @@ class FreeLaw(Joint):
         With the scales of its motion; its strengths do not count.
     loose : (terms,) array
         Prior deviations of the strengths, force.
-    duhem : bool
-        Which of the two.
+    free : tuple of int
+        Terms whose strengths are fitted; the others' are zero.
     """
 
-    duhem: bool = eqx.field(default=False, static=True)
+    free: tuple[int, ...] = eqx.field(default=BANKS, static=True)
 
     @property
     def terms(self) -> np.ndarray:
         """Which strengths are free."""
-        return DUHEM if self.duhem else BANKS
+        return np.array(self.free)
+
+    @property
+    def duhem(self) -> bool:
+        """Whether the spring that yields along a curve is one of them."""
+        return PARTS["duhem"].start in self.free
 
     @property
     def count(self) -> int:

@@ -25,9 +25,10 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.effects.kinds import UnnamedKind
+from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.identification.hypotheses import LawStart, with_law
 from iwanjax.identification.joint_priors import FreeLaw, joints_of
-from iwanjax.identification.likelihood import covariance
+from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
@@ -37,11 +38,22 @@ from iwanjax.identification.multistart import (
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
 from iwanjax.joints import AttachedOscillator, PlaceMotion, UnnamedLaw
-from iwanjax.joints.unnamed_terms import ELASTIC, GROUPS, PARTS, RESONATES, TERMS
+from iwanjax.joints.unnamed_terms import (
+    BANKS,
+    ELASTIC,
+    FEW,
+    GROUPS,
+    LINEAR,
+    PARTS,
+    RESONATES,
+    TERMS,
+)
 
 SHAPED = np.array([PARTS["duhem"].start, RESONATES])
 """Terms that have a shape of their own."""
 
+# Terms that take part after others.
+_WIDER = {LINEAR: FEW, FEW: BANKS}
 # A group's prior deviation changes no more than this in one round, either way: what a short memory
 # does not determine a longer one may.
 _MOST = 10.0
@@ -68,7 +80,7 @@ class UnnamedFit:
     @property
     def law(self) -> UnnamedLaw:
         """The law, its strengths as fitted."""
-        joint, z = self.joint, self.fitted.theta.mean(axis=0)[self._own]
+        joint, z = self.joint, self.fitted.theta.mean(axis=0)[self.own]
         return joint.at(jax.device_put(np.maximum(z, joint.least)))
 
     @property
@@ -92,24 +104,40 @@ class UnnamedFit:
     def onward(
         self, memories: Sequence[float], steps: int, in_time: Callable[[], bool] = lambda: True
     ) -> "UnnamedFit":
-        """The fit gone on with, with longer memories; arguments as :func:`fit_unnamed_law`."""
+        """The fit gone on with, with longer memories; arguments as :func:`fit_unnamed_law`.
+
+        More terms take part where those that do leave more than noise, and stay where they gain
+        more than a model may be off by: else they learn its errors, which other recordings pay for.
+        """
         found = self
         for memory in memories:
             if not in_time():
                 break
             wider = loosened(found)
-            (fit,) = multistart(wider.problem, [wider.fitted.start], memory, steps, in_time=in_time)
-            found = UnnamedFit(self.place, wider.problem, fit)
+            known = memory, steps, in_time
+            found = _searched(self.place, wider.problem, wider.fitted.start, *known)
+            enough = (1.0 + MODEL_ERROR_ALLOWANCE) * left_by_noise(found.problem)
+            while found.joint.free in _WIDER and found.fitted.cost > enough and in_time():
+                more = with_terms(found, _WIDER[found.joint.free])
+                other = _searched(self.place, *more, *known)
+                if not other.gains_on(found):
+                    break
+                found = other
         return found
 
+    def gains_on(self, other: "UnnamedFit") -> bool:
+        """Whether it leaves less than a fit with fewer terms by more than models are off."""
+        return self.fitted.cost < (1.0 - MODEL_ERROR_ALLOWANCE) * other.fitted.cost
+
     @property
-    def _own(self) -> slice:
+    def own(self) -> slice:
+        """Where the law's parameters are in theta."""
         last = self.problem.parameters
         return slice(last - self.joint.count, last)
 
     @property
     def _strengths(self) -> slice:
-        return slice(self._own.start, self._own.start + self.joint.terms.size)
+        return slice(self.own.start, self.own.start + self.joint.terms.size)
 
 
 def with_unnamed_law(
@@ -117,7 +145,7 @@ def with_unnamed_law(
     kind: UnnamedKind,
     place: Place,
     begun: Sequence[LawStart[UnnamedLaw]],
-    duhem: bool = False,
+    terms: tuple[int, ...] = FEW,
 ) -> tuple[HistoryProblem, list[Start]]:
     """A general law more at a place, and the search it takes.
 
@@ -131,8 +159,8 @@ def with_unnamed_law(
         Where.
     begun : sequence of LawStart
         Laws to begin with, of the scales of that place, and the joints' z.
-    duhem : bool
-        Whether with a spring that yields along a curve in place of other hysteresis.
+    terms : tuple of int
+        Whose strengths are fitted.
     """
     # As much force as bends the structure as far as the place has moved.
     force, loose = place.scales.deflection * place.scales.stiffness, np.zeros(len(TERMS))
@@ -140,7 +168,7 @@ def with_unnamed_law(
     largest = np.max(np.abs([np.stack(law.strengths) for law, _ in begun]), axis=0)
     for part in GROUPS:
         loose[part] = max(force, float(np.max(largest[part])))
-    joint = FreeLaw(blank_at(place), jax.device_put(loose), duhem)
+    joint = FreeLaw(blank_at(place), jax.device_put(loose), terms)
     predictor = eqx.tree_at(
         lambda p: (p.joints, p.stiffness, p.within),
         problem.predictor,
@@ -173,7 +201,7 @@ def fit_unnamed_law(
     memories: Sequence[float],
     steps: int,
     in_time: Callable[[], bool] = lambda: True,
-    duhem: bool = False,
+    terms: tuple[int, ...] = FEW,
 ) -> UnnamedFit:
     """The general law at a place, fitted with longer and longer memories of the observer.
 
@@ -189,10 +217,10 @@ def fit_unnamed_law(
         Of each search, at most.
     in_time : function
         False when it is time to stop.
-    duhem
-        As for :func:`with_unnamed_law`.
+    terms
+        As for :func:`with_unnamed_law`, to begin with.
     """
-    here, starts = with_unnamed_law(problem, kind, place, begun, duhem)
+    here, starts = with_unnamed_law(problem, kind, place, begun, terms)
     fits = multistart(here, starts, memories[0], steps, in_time=in_time)
     found = UnnamedFit(place, here, min(fits, key=lambda each: each.cost))
     return found.onward(memories[1:], steps, in_time)
@@ -206,14 +234,47 @@ def loosened(found: UnnamedFit) -> UnnamedFit:
     factor = np.ones(len(TERMS))
     for part in GROUPS:
         size = math.sqrt(float(np.sum(z[part] ** 2)) / max(float(np.sum(determined[part])), 1e-12))
-        # Of a group of which nothing is known, as in a fit that broke down, it stays as it is.
-        factor[part] = min(max(size, 1.0 / _MOST), _MOST) if math.isfinite(size) else 1.0
-    wider = FreeLaw(joint.given, jax.device_put(np.array(joint.loose) * factor), joint.duhem)
+        # Of a group of which nothing is known, as of one without terms or in a fit that broke down,
+        # it stays as it is.
+        here = np.isin(joint.terms, np.arange(len(TERMS))[part]).any() and math.isfinite(size)
+        factor[part] = min(max(size, 1.0 / _MOST), _MOST) if here else 1.0
+    wider = FreeLaw(joint.given, jax.device_put(np.array(joint.loose) * factor), joint.free)
     rescaled = replace(problem, joints=(*problem.joints[:-1], wider))
     theta = fitted.theta.copy()
     theta[:, found._strengths] /= factor[joint.terms]
     solution = replace(fitted.solution, values=theta)
     return UnnamedFit(found.place, rescaled, replace(fitted, solution=solution))
+
+
+def with_terms(found: UnnamedFit, terms: tuple[int, ...]) -> tuple[HistoryProblem, Start]:
+    """The search with other terms that begins as a fit has ended.
+
+    Groups that had no term so far begin a tenth as loose as others did: they take over no more than
+    what nothing else does, and grow where that is much.
+    """
+    problem, joint, loose = found.problem, found.joint, np.array(found.joint.loose)
+    for part in GROUPS:
+        if not np.any(np.isin(joint.terms, np.arange(len(TERMS))[part])):
+            loose[part] /= _MOST
+    other = FreeLaw(joint.given, jax.device_put(loose), terms)
+    theta, own = np.atleast_2d(found.fitted.start.theta), found.own
+    law = np.broadcast_to(other.reached(found.law), (len(theta), other.count))
+    whole = np.concatenate([theta[:, : own.start], law, theta[:, own.stop :]], axis=1)
+    joints = (*problem.joints[:-1], other)
+    made = replace(problem, joints=joints, compiled=set(), _process={})
+    return made, Start(found.fitted.hypothesis, whole)
+
+
+def _searched(
+    place: Place,
+    problem: HistoryProblem,
+    start: Start,
+    memory: float,
+    steps: int,
+    in_time: Callable[[], bool],
+) -> UnnamedFit:
+    (fit,) = multistart(problem, [start], memory, steps, in_time=in_time)
+    return UnnamedFit(place, problem, fit)
 
 
 def nearest_strengths(
@@ -267,10 +328,8 @@ def force_in(law: UnnamedLaw, motion: PlaceMotion) -> Array:
     That of masses that do not resonate by the accelerations: where an observer corrects deflections
     and rates, those are no differences of them.
     """
-    element = law.discrete()
-    inertia = element.masses.force(motion.d, motion.v, motion.a)
-    resonates = element.masses.m.at[:2].set(0.0)
-    element = eqx.tree_at(lambda e: e.masses.m, element, resonates)
+    element, masses = law.discrete().apart()
+    inertia = masses.force(motion.d, motion.v, motion.a)
 
     def one(d: Array, v: Array) -> Array:
         def advance(state: Any, end: tuple[Array, Array]) -> tuple[Any, Array]:

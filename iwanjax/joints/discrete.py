@@ -71,6 +71,14 @@ class AbstractDiscrete(eqx.Module):
             At its beginning.
         """
 
+    def apart(self) -> tuple["AbstractDiscrete", Any]:
+        """The element without inertia, and what has it: for solvers that know accelerations.
+
+        That is None where nothing has. It gives its force by ``force(d, v, a)``, and by ``at(d)``
+        the mass that it is.
+        """
+        return self, None
+
     def settled(self, state: Any, by: Array, faster: Array, stiffness: Array) -> Any:
         """The state after a step that in the end led a little further and arrived faster.
 

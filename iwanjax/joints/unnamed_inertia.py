@@ -85,6 +85,10 @@ class Masses(NamedTuple):
         x = d / self.D
         return self.m[0] * a + self.m[1] * x * (x * a + v**2 / self.D)
 
+    def at(self, d: Array) -> Array:
+        """What these weigh at a deflection."""
+        return self.m[0] + self.m[1] * (d / self.D) ** 2
+
     def energy(self, state: AttachedState) -> Array:
         """Of the masses in motion and of what holds them, force x length."""
         return jnp.sum(self.m * jax.vmap(Attached.energy)(self.held, state.d, state))

@@ -2,6 +2,7 @@
 
 from typing import ClassVar, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -94,6 +95,11 @@ class Unnamed(AbstractDiscrete):
         still = jnp.zeros_like(self.yielding.force), jnp.zeros_like(self.bristles.force)
         carried = self.masses.init()
         return UnnamedState(zero, zero, self.bank.init(), relaxing, *still, carried, zero)
+
+    def apart(self) -> tuple["Unnamed", Masses]:
+        """The law without those of its masses that do not resonate, and all of them."""
+        resonates = self.masses.m.at[:2].set(0.0)
+        return eqx.tree_at(lambda e: e.masses.m, self, resonates), self.masses
 
     def damper(self, d: Array, v: Array) -> Array:
         """Force of the dampers, against the motion whatever it is."""

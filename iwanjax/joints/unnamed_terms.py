@@ -4,7 +4,7 @@ All are of a place's motion over its largest: x = d/D, u = v/V.
 """
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 _Grid = Float[np.ndarray, " points"]
 
@@ -198,11 +198,29 @@ GROUPS = _groups()
 """Terms that are as large as one another beforehand: a power of the motion by itself."""
 
 
-def _without(*parts: str) -> Int[np.ndarray, " terms"]:
+def _without(*parts: str) -> tuple[int, ...]:
     left_out = np.concatenate([np.arange(len(TERMS))[PARTS[name]] for name in parts])
-    return np.setdiff1d(np.arange(len(TERMS)), left_out)
+    return tuple(np.setdiff1d(np.arange(len(TERMS)), left_out).tolist())
 
 
+def _few() -> tuple[int, ...]:
+    every = np.arange(len(TERMS))
+    own = {name: every[part] for name, part in PARTS.items()}
+    saturating, others = np.split(own["damper"], [len(RATES)])
+    kept = ["relaxation", "inertia", "resonance"]
+    found = [every[:1], BENDS[2:-2:2], POWERS, saturating[::2], others, own["sliders"][::2]]
+    return tuple(np.sort(np.concatenate([*found, *(own[name] for name in kept)])).tolist())
+
+
+LINEAR = (
+    PARTS["spring"].start,
+    *range(PARTS["relaxation"].start, PARTS["relaxation"].stop),
+    PARTS["inertia"].start,
+)
+"""What has no amplitude: a spring, springs that relax, a mass."""
+FEW = _few()
+"""Of the others slopes at zero and at two deflections to either side, dampers a decade and sliders
+an octave apart, and neither springs that yield gradually nor bristles: a fourth of all terms."""
 BANKS = _without("duhem")
 """All terms side by side, without the spring that yields along a curve."""
 DUHEM = _without("sliders", "yielding", "bristles")

@@ -17,7 +17,7 @@ from iwanjax.identification.unnamed_law import (
     resonating,
     with_unnamed_law,
 )
-from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, PARTS, RESONATES, TERMS
+from iwanjax.joints.unnamed_terms import BANKS, ELASTIC, FEW, LINEAR, PARTS, RESONATES, TERMS
 
 NOISE = np.array([0.03, 0.02])
 MORE, DAMPER = 4e3, 6.0
@@ -67,12 +67,12 @@ def test_a_part_begins_as_strong_as_it_is_known_to_be(pair):
     strengths[0] = -0.5 * usual
     none = no_force(made, place)
     strong = LawStart(none.law.with_strengths(strengths), none.z)
-    other, (_, start) = with_unnamed_law(made, UnnamedKind(), place, [none, strong])
+    other, (_, start) = with_unnamed_law(made, UnnamedKind(), place, [none, strong], BANKS)
     joint = other.joints[-1]
     loose = np.asarray(joint.loose)
     assert loose[PARTS["damper"]] == pytest.approx(100.0 * usual)
     assert loose[PARTS["spring"]] == pytest.approx(usual)
-    own = start.theta[made.parameters :][: BANKS.size]
+    own = start.theta[made.parameters :][: joint.terms.size]
     np.testing.assert_allclose(joint.spread(own), strengths)
 
 
@@ -102,6 +102,25 @@ def test_an_oscillator_is_where_a_law_that_resonates_begins():
     )
     found = fit_unnamed_law(made, UnnamedKind(), place, [begun], (2.0,), 0)
     assert found.fitted.misfit.sum() < 1.1 * np.count_nonzero(made.data.weight)
+
+
+@pytest.mark.long
+def test_terms_take_part_as_far_as_the_recordings_ask_for_them(pair):
+    """A spring that is missing needs no others; a damper that is missing as well does."""
+    made, places = pair
+    place = places["m2"]
+    random, row = np.random.default_rng(7), np.outer(ROWS["m2"], ROWS["m2"])
+    stiffness = stiffness_with_joint() + MORE * row
+    seen = [simulated(peak, struck=at, stiffness=stiffness) for peak, at in HITS]
+    seen = [y + NOISE * random.standard_normal(y.shape) for y in seen]
+    alone, _ = problem(seen, [measured_force(*hit) for hit in HITS], NOISE)
+    taken = {}
+    for name, each in (("spring", alone), ("both", made)):
+        begun = [no_force(each, place)]
+        law = fit_unnamed_law(each, UnnamedKind(), place, begun, (2.0, 8.0), 12, terms=LINEAR)
+        taken[name] = law.joint.free
+        assert law.fitted.misfit.sum() < 1.06 * np.count_nonzero(each.data.weight)
+    assert taken == {"spring": LINEAR, "both": FEW}
 
 
 @pytest.mark.long

@@ -42,7 +42,7 @@ from iwanjax.identification.unnamed_law import (
 )
 from iwanjax.joints import AttachedOscillator, PlaceMotion
 from iwanjax.joints.duhem import nearest_branch, scaled
-from iwanjax.joints.unnamed_terms import BANKS, BENDS, PARTS, POWERS, RESONATES
+from iwanjax.joints.unnamed_terms import BENDS, DUHEM, FEW, LINEAR, PARTS, POWERS, RESONATES
 
 # Terms of a force that depends on where the motion has been.
 _HYSTERESIS = ("sliders", "yielding", "bristles")
@@ -165,19 +165,27 @@ def _begun_at(
     z = nominal.theta.mean(axis=0)[: problem.parameters]
     forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
     beside, blank, stopped = problem.begun_beside(z), blank_at(place), False
-    starts = [hypotheses.LawStart(blank, each) for each in beside]
+    short, in_time = (SHORT_TIME_CONSTANT,), scope.in_time
+    begun = [hypotheses.LawStart(blank, each) for each in beside]
+    linear = fit_unnamed_law(
+        problem, UnnamedKind(), place, begun, short, SEARCH.head_start, in_time, LINEAR
+    )
+    joints = linear.fitted.theta.mean(axis=0)[: problem.parameters]
+    starts = [hypotheses.LawStart(linear.law, joints)]
     for each in forces[:1]:
         motion, force = _named_force(each.fitted, problem, place)
         stopped = place.stopped(motion.v, force, float(problem.predictor.dt))
         own = each.fitted.theta.mean(axis=0)[: problem.parameters]
         # A spring of splines, or one of powers.
         for less in (POWERS, BENDS):
-            near = nearest_strengths(place, motion, force, np.setdiff1d(BANKS, less))
+            near = nearest_strengths(place, motion, force, np.setdiff1d(FEW, less))
             starts.append(hypotheses.LawStart(blank.with_strengths(near), own))
     if not any(isinstance(k, JointKind) and k.law is AttachedOscillator for k in scope.kinds):
-        starts.append(resonating(problem, place, beside, STEPS, scope.in_time))
-    begun = problem, UnnamedKind(), place, starts, (SHORT_TIME_CONSTANT,)
-    return fit_unnamed_law(*begun, SEARCH.head_start, scope.in_time), stopped
+        starts.append(resonating(problem, place, beside, STEPS, in_time))
+    found = fit_unnamed_law(
+        problem, UnnamedKind(), place, starts, short, SEARCH.head_start, in_time
+    )
+    return found if found.gains_on(linear) else linear, stopped
 
 
 def _best_way(
@@ -230,7 +238,7 @@ def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> 
         starts.append(hypotheses.LawStart(yielding, joints))
     short = (SHORT_TIME_CONSTANT,)
     begun = problem, UnnamedKind(), place, starts, short, SEARCH.head_start
-    return fit_unnamed_law(*begun, scope.in_time, duhem=True)
+    return fit_unnamed_law(*begun, scope.in_time, DUHEM)
 
 
 def _gone_on_with(found: UnnamedFit, scope: Scope) -> UnnamedFit:
@@ -286,7 +294,7 @@ def _to_scale(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> Unnam
     now = now.with_resonance(np.stack(law.resonance) + np.log([slower, 1.0]))
     begun = problem, UnnamedKind(), there, [hypotheses.LawStart(now, z[: problem.parameters])]
     short = (SHORT_TIME_CONSTANT,)
-    moved = fit_unnamed_law(*begun, short, STEPS, scope.in_time, duhem=joint.duhem)
+    moved = fit_unnamed_law(*begun, short, STEPS, scope.in_time, joint.free)
     # Strengths that are as near as they can be to another scale's may be where no search returns.
     kept = moved.fitted.cost < problem.settings.selection.give_up * found.fitted.cost
     return moved if kept else found
