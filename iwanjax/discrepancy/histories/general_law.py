@@ -196,7 +196,7 @@ def _best_way(
     With a short memory of the observer either comes near to what the other does. The curve is
     tried where hysteresis does more to the recordings than is left of them.
     """
-    found, noise = gone_on_with(first, scope), left_by_noise(problem)
+    found, noise = _gone_on_with(first, scope), left_by_noise(problem)
     least = MODEL_ERROR_ALLOWANCE * noise
     if _done_by_hysteresis(found, problem, nominal) < max(found.fitted.cost - noise, least):
         return found
@@ -204,7 +204,7 @@ def _best_way(
     lasting = found.onward(*known).fitted.cost
     if lasting < noise + least:
         return found
-    other = gone_on_with(_along_a_curve(first, problem, scope), scope)
+    other = _gone_on_with(_along_a_curve(first, problem, scope), scope)
     return other if other.onward(*known).fitted.cost < lasting else found
 
 
@@ -241,19 +241,13 @@ def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> 
     return fit_unnamed_law(*begun, scope.in_time, DUHEM)
 
 
-def gone_on_with(
-    found: UnnamedFit,
-    scope: Scope,
-    memory: float = SHORT_TIME_CONSTANT,
-    steps: int = STEPS,
-    far: float = FAR,
-) -> UnnamedFit:
-    """With one memory, steps taken again while it leaves so many times the noise and gains."""
-    known, enough = found.problem.settings.selection, far * left_by_noise(found.problem)
-    before = math.inf
+def _gone_on_with(found: UnnamedFit, scope: Scope) -> UnnamedFit:
+    """The fit with the shortest memory, its steps taken again while much is left and they help."""
+    known, enough = found.problem.settings.selection, FAR * left_by_noise(found.problem)
     for _ in range(1 + known.repeats):
-        found = found.onward((memory,), steps, scope.in_time)
-        gained, before = found.fitted.cost < (1.0 - known.rough) * before, found.fitted.cost
+        before = found.fitted.cost
+        found = found.onward((SHORT_TIME_CONSTANT,), STEPS, scope.in_time)
+        gained = found.fitted.cost < (1.0 - known.rough) * before
         if found.fitted.converged or found.fitted.cost < enough or not gained:
             break
     return found

@@ -14,7 +14,6 @@ from iwanjax.discrepancy.findings import Suspect, UnnamedForce
 from iwanjax.discrepancy.histories.general_law import (
     PlacedLaw,
     general_law,
-    gone_on_with,
     motion_of,
     where_a_law_acts,
 )
@@ -36,7 +35,7 @@ from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
 from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, worse
 from iwanjax.effects.kinds import Kind, UnnamedKind
-from iwanjax.estimation.evidence import AS_LIKELY_WRONG, MODEL_ERROR_ALLOWANCE
+from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 from iwanjax.identification.likelihood import covariance, left_by_noise
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
@@ -74,13 +73,12 @@ def unnamed_law(
         begun = law(there or left_likely(table.places, scope.places), scope)
     elif missed:
         begun = begun.or_rather(law([], scope))
-    longer = TIME_CONSTANT, problem.settings.selection.long_time_constant
+    memories = (TIME_CONSTANT, problem.settings.selection.long_time_constant, math.inf)
     scope.progress(f"the general law at {begun.fit.place.label}, to the free run")
     fit = replace(begun.fit, problem=begun.fit.problem.with_steps_of(problem))
-    steps = problem.settings.selection.polish
-    fit = fit.onward(longer, steps, scope.in_time)
-    far = 1.0 + MODEL_ERROR_ALLOWANCE
-    return begun._replace(fit=gone_on_with(fit, scope, math.inf, steps, far))
+    return begun._replace(
+        fit=fit.onward(memories, problem.settings.selection.polish, scope.in_time)
+    )
 
 
 class Ended(NamedTuple):
