@@ -52,6 +52,8 @@ class ModesLeftOut(NamedTuple):
 
     def driven(self, force: np.ndarray, rate: float, quantity: Quantity) -> np.ndarray:
         """What the sensors show of measured forces, (N, inputs), on them: (N, sensors)."""
+        if not self.number:
+            return np.zeros((len(force), self.sensors.shape[0]))
         return np.asarray(self.shown(np.asarray(self.inputs), force[:, None], rate, quantity, np))
 
     def shown(
@@ -93,7 +95,8 @@ class ModesLeftOut(NamedTuple):
         s = 2j * xp.pi * xp.fft.rfftfreq(size, 1.0 / rate)[:, None]
         omega2, c, _, sensors = (xp.asarray(each) for each in self)
         gain = s ** get_args(Quantity).index(quantity) / (omega2 + s * (c + s))
-        transfer = xp.einsum("fr,sr,gr->fsg", gain, sensors, rows)
+        paths = (sensors.T[:, :, None] * rows.T[:, None]).reshape(self.number, -1)
+        transfer = (gain @ paths).reshape(-1, len(sensors), len(rows))
         seen = xp.fft.irfft(xp.einsum("fsg,fg->fs", transfer, spectrum), size, axis=0)
         return seen[1 : N + 1] / substeps
 
