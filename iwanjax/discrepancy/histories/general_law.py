@@ -191,21 +191,25 @@ def _begun_at(
 def _best_way(
     first: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit, scope: Scope
 ) -> UnnamedFit:
-    """Gone on with as it is, and with a spring that yields along a curve: what lasts longer.
+    """Gone on with as it is, and with a spring that yields along a curve: what lasts longest.
 
-    With a short memory of the observer either comes near to what the other does. The curve is
-    tried where hysteresis does more to the recordings than is left of them.
+    With a short memory of the observer any of them comes near to what the others do. The curve is
+    tried where hysteresis does more to the recordings than is left of them, and where only what is
+    linear takes part so far: with that memory pinched hysteresis in a joint looks like relaxation.
     """
     found, noise = _gone_on_with(first, scope), left_by_noise(problem)
     least = MODEL_ERROR_ALLOWANCE * noise
-    if _done_by_hysteresis(found, problem, nominal) < max(found.fitted.cost - noise, least):
-        return found
+    if found.joint.free != LINEAR:
+        done = _done_by_hysteresis(found, problem, nominal)
+        if done < max(found.fitted.cost - noise, least):
+            return found
     known = (TIME_CONSTANT,), STEPS, scope.in_time
     lasting = found.onward(*known).fitted.cost
     if lasting < noise + least:
         return found
-    other = _gone_on_with(_along_a_curve(first, problem, scope), scope)
-    return other if other.onward(*known).fitted.cost < lasting else found
+    ways = [_gone_on_with(each, scope) for each in _along_a_curve(first, problem, scope)]
+    costs = [lasting, *(each.onward(*known).fitted.cost for each in ways)]
+    return [found, *ways][int(np.argmin(costs))]
 
 
 def _done_by_hysteresis(
@@ -221,13 +225,16 @@ def _done_by_hysteresis(
     return float(share**2 * max(before - found.fitted.cost, 0.0))
 
 
-def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> UnnamedFit:
-    """A fit with a spring that yields along a curve, which begins as the force that is known."""
+def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> list[UnnamedFit]:
+    """Fits with a spring that yields along a curve, which begins as the force that is known.
+
+    From the joints of that fit and from those given each by itself: after a few steps joints that
+    are bent still leave less, and never find back.
+    """
     place = found.place
     scope.progress(f"a general law at {place.label}, which yields along a curve")
     law, motion = found.law, _first(motion_of(found), problem)
-    joints = found.fitted.theta.mean(axis=0)[: problem.parameters]
-    starts, hysteresis = [], law.alone(*_HYSTERESIS)
+    begun, hysteresis = [], law.alone(*_HYSTERESIS)
     # What it yields with: all of the force, or what of it is hysteresis.
     for part, others in ((law, 0.0), (hysteresis, 1.0)):
         force = np.asarray(force_in(part, motion))
@@ -235,10 +242,12 @@ def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> 
         strengths = others * np.stack(law.strengths)
         strengths[PARTS["duhem"]] = strength
         yielding = law.with_strengths(strengths).with_branch(scaled(branch, float(law.deflection)))
-        starts.append(hypotheses.LawStart(yielding, joints))
-    short = (SHORT_TIME_CONSTANT,)
-    begun = problem, UnnamedKind(), place, starts, short, SEARCH.head_start
-    return fit_unnamed_law(*begun, scope.in_time, DUHEM)
+        begun.append(yielding)
+    fits, known = [], ((SHORT_TIME_CONSTANT,), SEARCH.head_start, scope.in_time, DUHEM)
+    for z in problem.begun_beside(found.fitted.theta.mean(axis=0)[: problem.parameters]):
+        starts = [hypotheses.LawStart(each, z) for each in begun]
+        fits.append(fit_unnamed_law(problem, UnnamedKind(), place, starts, *known))
+    return fits
 
 
 def _gone_on_with(found: UnnamedFit, scope: Scope) -> UnnamedFit:

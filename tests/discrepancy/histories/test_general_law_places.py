@@ -9,6 +9,8 @@ import pytest
 from iwanjax.discrepancy.histories import general_law as module
 from iwanjax.effects.catalogue import kinds_in_time
 from iwanjax.joints import PlaceMotion
+from iwanjax.joints.duhem import FIRST_BRANCH
+from iwanjax.joints.unnamed_terms import TERMS
 from iwanjax.settings.histories import HISTORIES
 
 NOISE = 100.0
@@ -23,6 +25,7 @@ class Fit:
             cost=cost, converged=True, time_constant=2.0, theta=np.zeros((1, 1))
         )
         self.law = SimpleNamespace(alone=lambda *names: None, deflection=1.0)
+        self.joint = SimpleNamespace(free=module.FEW)
 
     def onward(self, *known):
         return self
@@ -127,3 +130,52 @@ def test_of_two_laws_the_better_one_is_of_all_the_places_that_were_tried(law):
     assert last.fit.place.label in "ab"
     assert last.probability == pytest.approx(0.5)
     assert last.tried == set("abc")
+
+
+@pytest.mark.parametrize(
+    ("free", "still_left", "way"),
+    [
+        # Joints that are bent leave less with a short memory, those given with a long one.
+        (module.LINEAR, 9.0, "given"),
+        # What is linear explains all, for as long as the observer remembers.
+        (module.LINEAR, 1.0, "linear"),
+        # Hysteresis took part, and did nothing.
+        (module.FEW, 9.0, "linear"),
+    ],
+)
+@pytest.mark.usefixtures("law")
+def test_a_curve_is_tried_from_bent_joints_and_from_those_given(monkeypatch, free, still_left, way):
+    class Way(Fit):
+        def __init__(self, problem, place, name, short, long):
+            super().__init__(problem, place, NOISE * short)
+            self.name, self.long = name, long
+            self.joint = SimpleNamespace(free=free)
+            self.law = SimpleNamespace(
+                alone=lambda *names: None,
+                deflection=1.0,
+                strengths=tuple(np.zeros(len(TERMS))),
+                with_strengths=lambda strengths: SimpleNamespace(with_branch=lambda shape: None),
+            )
+
+        def onward(self, memories, *known):
+            long = memories[0] > module.SHORT_TIME_CONSTANT
+            return Way(self.problem, self.place, self.name, *([self.long] * 2)) if long else self
+
+        def gains_on(self, other):
+            return free != module.LINEAR
+
+    def fitted(problem, kind, place, starts, *known):
+        if known[-1] != module.DUHEM:
+            return Way(problem, place, "linear", 1.4, still_left)
+        bent = float(starts[0].z[0]) == 0.0
+        return Way(problem, place, *(("bent", 1.1, 5.0) if bent else ("given", 1.2, 1.1)))
+
+    monkeypatch.setattr(module, "fit_unnamed_law", fitted)
+    monkeypatch.setattr(module, "nearest_branch", lambda *motion: (1.0, FIRST_BRANCH))
+    problem = SimpleNamespace(
+        settings=HISTORIES, parameters=1, begun_beside=lambda z: [z, z + 1.0], predictor=None
+    )
+    nominal = SimpleNamespace(theta=np.zeros((1, 1)), hypothesis=None)
+    scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, kinds=(), places=())
+    found = module.general_law(problem, nominal, [], [A], scope)
+    assert found.fit.name == way
