@@ -28,7 +28,7 @@ from iwanjax.updating.coupling import (
     refuse_ruled,
 )
 from iwanjax.updating.joint_groups import structural_parameters
-from iwanjax.updating.microslip import left_open, microslip
+from iwanjax.updating.microslip import in_other_ends, left_open, microslip
 from iwanjax.updating.modal import modal_parameters, modal_problem
 from iwanjax.updating.model_error import ModelError, model_error_of, with_model_error
 from iwanjax.updating.most_probable import MostProbable
@@ -283,8 +283,9 @@ def solve(
     misfit = float(np.sqrt((np.sum(f**2) + np.sum(zeta**2)) / freedom))
     least = float(np.sum(f**2) + np.sum(zeta**2))
     allowed = least + rival_cost(f.size) * max(1.0, misfit) ** 2
+    places = problem.iwan_places(jnp.asarray(theta))
     alike = microslip(
-        problem.iwan_places(jnp.asarray(theta)),
+        places,
         final,
         theta,
         lambda each: _minimum(problem, each).cost <= allowed,
@@ -294,6 +295,8 @@ def solve(
     ends = [_completed(searched, each.values) for each in found if each.cost <= within]
     minima = [_minimum(problem, each) for each in (theta, *ends, *alike.thetas)]
     as_good = [each for each in minima if each.cost <= allowed]
+    others = ((problem.iwan_places(jnp.asarray(e.theta)), e.theta) for e in as_good[1:])
+    reaches = in_other_ends(places, theta, others) | alike.reaches
     sure = certainty(as_good, final, tuple(active), misfit)
     return FitSolution(
         parameters=final,
@@ -301,12 +304,11 @@ def solve(
         derived=sure.derived,
         undetermined=sure.undetermined,
         determined={
-            name: known and not left_open(name, alike.reaches)
-            for name, known in sure.determined.items()
+            name: known and not left_open(name, reaches) for name, known in sure.determined.items()
         },
         rivals=sure.rivals,
         active_bounds=active,
-        reaches=alike.reaches,
+        reaches=reaches,
         misfit=misfit,
         misfit_frequency=_rms(f),
         misfit_damping=_rms(zeta),

@@ -1,7 +1,7 @@
 """What curves below macroslip say of Iwan joints, and what they leave open."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -9,14 +9,14 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.estimation.parameters import Parameter
-from iwanjax.joints.iwan import distribution_of, physical_of
+from iwanjax.joints.iwan import distribution_of, phi_max_of, physical_of
 from iwanjax.types import Scalar
 
 # Onsets of macroslip that are tried: a prime, so that each of a few joints goes through all of
 # them in an order of its own.
 _PLACES = 7
 # The first one over the largest deflection, the last one over where the Dirac slider has no
-# strength left, and the farthest in any case.
+# strength left, and the farthest in any case: so far, too, is the stiffest of joints to begin with.
 _BEYOND, _SHORT, _FARTHEST = 1.001, 0.98, 10.0
 
 
@@ -121,6 +121,71 @@ def alike_in_microslip(
     return found
 
 
+def without_macroslip(place: IwanPlace, theta: np.ndarray) -> list[np.ndarray]:
+    r"""Parameters in which a joint that comes to macroslip is one that does not.
+
+    With the same chi and R, the onset of macroslip beyond the curves, and K_T from what the sliders
+    need on: curves that end in macroslip by an estimate may as well be those of a stiffer joint in
+    microslip beside others that are softer. That is a valley of its own, to which few starts lead.
+
+    Parameters
+    ----------
+    place : IwanPlace
+        Of the joint.
+    theta : (parameters,) array
+        The estimate.
+
+    Returns
+    -------
+    list of (parameters,) array
+        Empty for a joint that stays below macroslip, too.
+    """
+    own = _of_place(place, theta)
+    chi, n = float(own[2]), float(own[2]) + 1.0
+    if not n > 0.0 or _below(place, theta):
+        return []
+    R, found = float(distribution_of(*own)[0]), []
+    for phi_max in place.reach * np.geomspace(_BEYOND, _FARTHEST, _PLACES):
+        yielding = R * phi_max**n / n
+        for K_T in yielding * np.geomspace(1.0 / _SHORT, _FARTHEST, _PLACES // 2):
+            joint = physical_of("microslip", R, K_T - yielding, chi, phi_max)
+            found.append(_moved(theta, [(place, {k: float(v) for k, v in joint.items()})]))
+    return found
+
+
+def in_other_ends(
+    places: Sequence[IwanPlace],
+    theta: np.ndarray,
+    others: Iterable[tuple[Sequence[IwanPlace], np.ndarray]],
+) -> dict[str, float]:
+    """Joints that come to macroslip in an estimate and not in another: how far they reach there.
+
+    Parameters
+    ----------
+    places, theta
+        The estimate's.
+    others : iterable of (places, (parameters,) array)
+        Other ends of the search that are as good.
+    """
+    slip = {place.owner for place in places if not _below(place, theta)}
+    found: dict[str, float] = {}
+    for own, end in others:
+        for place in own:
+            if place.owner in slip and _below(place, end):
+                found[place.owner] = max(place.reach, found.get(place.owner, 0.0))
+    return found
+
+
+def _below(place: IwanPlace, theta: np.ndarray) -> bool:
+    """Whether a joint stays below macroslip."""
+    return float(phi_max_of(*_of_place(place, theta))) > place.reach
+
+
+def _of_place(place: IwanPlace, theta: np.ndarray) -> list[Array]:
+    """F_S, K_T, chi and beta of a place's joint."""
+    return [jnp.asarray(theta[i]) for i in place.positions.values()]
+
+
 def microslip(
     places: Sequence[IwanPlace],
     parameters: Sequence[Parameter],
@@ -179,11 +244,11 @@ def _moved(
     theta: np.ndarray, joints: Sequence[tuple[IwanPlace, Mapping[str, float]]]
 ) -> np.ndarray:
     """Parameters with other joints at some places."""
-    moved = theta.copy()
+    there = theta.copy()
     for place, joint in joints:
         for name, i in place.positions.items():
-            moved[i] = joint[name]
-    return moved
+            there[i] = joint[name]
+    return there
 
 
 def left_open(name: str, reaches: Mapping[str, float]) -> bool:

@@ -26,7 +26,7 @@ from iwanjax.updating.background import (
     with_background,
 )
 from iwanjax.updating.joint_groups import owners
-from iwanjax.updating.microslip import IwanPlace, drop_of
+from iwanjax.updating.microslip import IwanPlace, drop_of, without_macroslip
 from iwanjax.updating.problem import AbstractProblem, Measured, Reference, check_free
 
 # Levels of each mode where curves have fewer, and how far loads reach beyond the amplitudes.
@@ -196,6 +196,12 @@ class StructuralProblem(AbstractProblem):
             for owner, joints, kind, _ in self._groups()
             if issubclass(kind, AbstractIwan)
         )
+
+    def restarts(self, theta: np.ndarray, count: int) -> np.ndarray | None:
+        """Each joint that comes to macroslip as one that does not; None where there is none."""
+        places = self.iwan_places(jnp.asarray(theta))
+        rows = [each for place in places for each in without_macroslip(place, theta)]
+        return np.stack([rows[i * len(rows) // count] for i in range(count)]) if rows else None
 
     def derived(self, theta: Float[Array, " parameters"]) -> Mapping[str, Array]:
         """Of each Iwan joint or group its slider distribution: phi_max, R and S."""
