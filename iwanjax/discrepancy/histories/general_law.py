@@ -1,7 +1,8 @@
-"""A general law where something acts most likely, and pairs of named laws that do what it does."""
+"""A general law where something acts most likely."""
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,15 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iwanjax.discrepancy.histories.likeness import SizedLaw, nearest_pairs
+from iwanjax.discrepancy.histories.likeness import SizedLaw
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
     RankedFit,
     Scope,
-    again,
-    distinct,
-    placed,
 )
 from iwanjax.discrepancy.histories.restarts import FAR
 from iwanjax.effects.kinds import ForceKind, JointKind, UnnamedKind
@@ -28,7 +26,7 @@ from iwanjax.identification.innovations import AtSamples
 from iwanjax.identification.kernels import observed
 from iwanjax.identification.likelihood import evidence, left_by_noise, scale
 from iwanjax.identification.linearise import squares_at
-from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
+from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import (
@@ -102,9 +100,9 @@ def general_law(
     tried there says nothing against the name) and those where something acts most likely, by all
     laws there at once, are tried for a few steps: from the joints of the nominal fit and as given,
     from what the best named force there does, for from no force there may be no way to a large one,
-    and where that is no name from an attached oscillator. The best is gone on with, for as long as
-    it gains, as it is or with a spring that yields along a curve in place of other hysteresis; the
-    others as well where it leaves much more than noise.
+    and where that is no name from an attached oscillator. The best is gone on with, as it is or
+    with a spring that yields along a curve in place of other hysteresis; the others as well where
+    it leaves much more than noise.
 
     Parameters
     ----------
@@ -191,63 +189,69 @@ def _begun_at(
 def _best_way(
     first: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit, scope: Scope
 ) -> UnnamedFit:
-    """Gone on with as it is, and with a spring that yields along a curve: what lasts longest.
+    """Gone on with as it is, or with a spring that yields along a curve: what lasts.
 
-    With a short memory of the observer any of them comes near to what the others do. The curve is
-    tried where hysteresis does more to the recordings than is left of them, and where only what is
-    linear takes part so far: with that memory pinched hysteresis in a joint looks like relaxation.
+    With a short memory of the observer either comes near to what the other does. Where hysteresis
+    does more to the recordings than is left of them the curve goes first, as it has a third of the
+    parameters; where only what is linear takes part it comes after, for with that memory pinched
+    hysteresis in a joint looks like relaxation.
     """
-    found, noise = _gone_on_with(first, scope), left_by_noise(problem)
-    least = MODEL_ERROR_ALLOWANCE * noise
-    if found.joint.free != LINEAR:
-        done = _done_by_hysteresis(found, problem, nominal)
-        if done < max(found.fitted.cost - noise, least):
+    curves = (_gone_on_with(each, scope) for each in _along_a_curve(first, problem, scope))
+    if _done_by_hysteresis(first, problem, nominal):
+        ways = itertools.chain(curves, (_gone_on_with(each, scope) for each in [first]))
+    else:
+        found = _gone_on_with(first, scope)
+        if found.joint.free != LINEAR and not _done_by_hysteresis(found, problem, nominal):
             return found
-    known = (TIME_CONSTANT,), STEPS, scope.in_time
-    lasting = found.onward(*known).fitted.cost
-    if lasting < noise + least:
-        return found
-    ways = [_gone_on_with(each, scope) for each in _along_a_curve(first, problem, scope)]
-    costs = [lasting, *(each.onward(*known).fitted.cost for each in ways)]
-    return [found, *ways][int(np.argmin(costs))]
+        ways = itertools.chain([found], curves)
+    enough, tried = (1.0 + MODEL_ERROR_ALLOWANCE) * left_by_noise(problem), []
+    for each in ways:
+        lasting = each.onward((TIME_CONSTANT,), STEPS, scope.in_time).fitted.cost
+        if lasting < enough:
+            return each
+        tried.append((lasting, each))
+    return min(tried, key=lambda each: each[0])[1]
 
 
-def _done_by_hysteresis(
-    found: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit
-) -> float:
-    """Of the squares that a law takes away what hysteresis does, by its share of the force."""
-    point = (nominal.hypothesis, nominal.theta)
+def _done_by_hysteresis(found: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit) -> bool:
+    """Whether hysteresis does more to the recordings than is left of them.
+
+    That is its share of the force's share in what a law takes away.
+    """
+    point, noise = (nominal.hypothesis, nominal.theta), left_by_noise(problem)
     (before,) = squares_at(problem, [point], found.fitted.time_constant)
     motion = _first(motion_of(found), problem)
     whole = np.asarray(force_in(found.law, motion))
     part = np.asarray(force_in(found.law.alone(*_HYSTERESIS), motion))
     share = np.linalg.norm(part) / max(np.linalg.norm(whole), 1e-300)
-    return float(share**2 * max(before - found.fitted.cost, 0.0))
+    left = max(found.fitted.cost - noise, MODEL_ERROR_ALLOWANCE * noise)
+    return bool(share**2 * (before - found.fitted.cost) > left)
 
 
-def _along_a_curve(found: UnnamedFit, problem: HistoryProblem, scope: Scope) -> list[UnnamedFit]:
+def _along_a_curve(
+    found: UnnamedFit, problem: HistoryProblem, scope: Scope
+) -> Iterator[UnnamedFit]:
     """Fits with a spring that yields along a curve, which begins as the force that is known.
 
-    From the joints of that fit and from those given each by itself: after a few steps joints that
-    are bent still leave less, and never find back.
+    From the joints as given and from those of that fit each by itself: after a few steps joints
+    that are bent leave less, and never find back.
     """
     place = found.place
     scope.progress(f"a general law at {place.label}, which yields along a curve")
     law, motion = found.law, _first(motion_of(found), problem)
-    begun, hysteresis = [], law.alone(*_HYSTERESIS)
+    begun, seen = [], (np.asarray(motion.d), np.asarray(motion.v))
     # What it yields with: all of the force, or what of it is hysteresis.
-    for part, others in ((law, 0.0), (hysteresis, 1.0)):
-        force = np.asarray(force_in(part, motion))
-        strength, branch = nearest_branch(np.asarray(motion.d), np.asarray(motion.v), force)
+    for part, others in ((law, 0.0), (law.alone(*_HYSTERESIS), 1.0)):
+        strength, branch = nearest_branch(*seen, np.asarray(force_in(part, motion)))
         strengths = others * np.stack(law.strengths)
         strengths[PARTS["duhem"]] = strength
-        yielding = law.with_strengths(strengths).with_branch(scaled(branch, float(law.deflection)))
-        begun.append(yielding)
-    fits, known = [], ((SHORT_TIME_CONSTANT,), SEARCH.head_start, scope.in_time, DUHEM)
-    for z in problem.begun_beside(found.fitted.theta.mean(axis=0)[: problem.parameters]):
+        shape = scaled(branch, float(law.deflection))
+        begun.append(law.with_strengths(strengths).with_branch(shape))
+    known = (SHORT_TIME_CONSTANT,), SEARCH.head_start, scope.in_time, DUHEM
+    beside = problem.begun_beside(found.fitted.theta.mean(axis=0)[: problem.parameters])
+    for z in reversed(beside):
         starts = [hypotheses.LawStart(each, z) for each in begun]
-        fits.append(fit_unnamed_law(problem, UnnamedKind(), place, starts, *known))
-    return fits
+        yield fit_unnamed_law(problem, UnnamedKind(), place, starts, *known)
 
 
 def _gone_on_with(found: UnnamedFit, scope: Scope) -> UnnamedFit:
@@ -353,47 +357,3 @@ def _first(motion: PlaceMotion, problem: HistoryProblem) -> PlaceMotion:
     most = problem.settings.illustration.longest
     d, v, a, moved = (x[:, :most] for x in motion[:4])
     return PlaceMotion(d, v, a, moved, motion.dt)
-
-
-def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> list[RankedFit]:
-    """Pairs of named laws that make the general law's force in its motion, fitted in its place.
-
-    Greedy search finds no pair whose first law alone looks like neither: a clearance in which
-    something rubs looks viscoelastic.
-
-    Parameters
-    ----------
-    problem : HistoryProblem
-        Of the model without any suspect.
-    general : PlacedLaw
-        As fitted.
-    scope : Scope
-        Names to try, and how long there is time.
-    """
-    fit, known = general.fit, problem.settings
-    motion = motion_of(fit)
-    force = np.asarray(force_in(fit.law, motion))
-    kinds = [kind for kind in scope.kinds if isinstance(kind, ForceKind) and not kind.within]
-    z, place = fit.fitted.theta.mean(axis=0)[: problem.parameters], fit.place
-    starts = [
-        hypotheses.joined(
-            problem,
-            [
-                hypotheses.force(problem, kind, place.label, place.row, z, size, shape)
-                for kind, size, shape in pair
-            ],
-        )
-        for pair in nearest_pairs(kinds, motion, force)[: known.pairs.seconds]
-    ]
-    if not starts or not scope.in_time():
-        return []
-    scope.progress(f"two laws at {place.label}, as the general law there shows them")
-    give_up = known.selection.give_up
-    short = multistart(
-        problem, starts, SHORT_TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
-    )
-    fits = placed([RankedFit(problem, each) for each in short])
-    near = [each for each in fits if each.fitted.cost < give_up * fits[0].fitted.cost]
-    found = distinct(again(near[: known.pairs.partners], [], TIME_CONSTANT, scope))
-    # Two laws that together leave much are a basis to expand any force in, no names.
-    return [each for each in found if each.fitted.cost < known.pairs.far * left_by_noise(problem)]

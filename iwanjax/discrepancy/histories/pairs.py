@@ -1,21 +1,33 @@
-"""Two suspects at once: a second beside the first, and each of them questioned again."""
+"""Two suspects at once: a second beside the first, and each of them questioned again.
+
+And two laws at one place, as a general law there shows them.
+"""
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from iwanjax.discrepancy.histories.general_law import PlacedLaw, motion_of
+from iwanjax.discrepancy.histories.likeness import nearest_pairs
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
     RankedFit,
     Scope,
+    again,
+    distinct,
     least,
+    placed,
     scored,
 )
 from iwanjax.discrepancy.histories.score_test import where_something_acts
+from iwanjax.effects.kinds import ForceKind
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE
 from iwanjax.identification import hypotheses
 from iwanjax.identification.likelihood import Evidence, evidence, left_by_noise
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.problem import HistoryProblem, Start, Variant
+from iwanjax.identification.unnamed_law import force_in
 
 
 def doubled(problem: HistoryProblem, entries: list[RankedFit], scope: Scope) -> list[RankedFit]:
@@ -190,3 +202,47 @@ def _enough(
 def _margin(problem: HistoryProblem, table: Evidence, pair: HypothesisFit) -> float:
     """Evidence that a second suspect needs: the model's own errors are worth a part of the rest."""
     return problem.settings.pairs.second_gain + MODEL_ERROR_ALLOWANCE * table.worth(pair)
+
+
+def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> list[RankedFit]:
+    """Pairs of named laws that make the general law's force in its motion, fitted in its place.
+
+    Greedy search finds no pair whose first law alone looks like neither: a clearance in which
+    something rubs looks viscoelastic.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Of the model without any suspect.
+    general : PlacedLaw
+        As fitted.
+    scope : Scope
+        Names to try, and how long there is time.
+    """
+    fit, known = general.fit, problem.settings
+    motion = motion_of(fit)
+    force = np.asarray(force_in(fit.law, motion))
+    kinds = [kind for kind in scope.kinds if isinstance(kind, ForceKind) and not kind.within]
+    z, place = fit.fitted.theta.mean(axis=0)[: problem.parameters], fit.place
+    starts = [
+        hypotheses.joined(
+            problem,
+            [
+                hypotheses.force(problem, kind, place.label, place.row, z, size, shape)
+                for kind, size, shape in pair
+            ],
+        )
+        for pair in nearest_pairs(kinds, motion, force)[: known.pairs.seconds]
+    ]
+    if not starts or not scope.in_time():
+        return []
+    scope.progress(f"two laws at {place.label}, as the general law there shows them")
+    give_up = known.selection.give_up
+    short = multistart(
+        problem, starts, SHORT_TIME_CONSTANT, STEPS, give_up=give_up, in_time=scope.in_time
+    )
+    fits = placed([RankedFit(problem, each) for each in short])
+    near = [each for each in fits if each.fitted.cost < give_up * fits[0].fitted.cost]
+    found = distinct(again(near[: known.pairs.partners], [], TIME_CONSTANT, scope))
+    # Two laws that together leave much are a basis to expand any force in, no names.
+    return [each for each in found if each.fitted.cost < known.pairs.far * left_by_noise(problem)]

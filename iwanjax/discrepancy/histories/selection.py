@@ -13,14 +13,14 @@ from iwanjax.discrepancy.histories.further_suspects import (
     further_laws,
     probed,
 )
-from iwanjax.discrepancy.histories.general_law import PlacedLaw, as_two_laws, general_law
+from iwanjax.discrepancy.histories.general_law import PlacedLaw, general_law
 from iwanjax.discrepancy.histories.joint_faults import (
     like_a_joint,
     with_joint_faults,
     with_joints_left_out,
 )
 from iwanjax.discrepancy.histories.nested import none_worse, with_nested_laws
-from iwanjax.discrepancy.histories.pairs import doubled
+from iwanjax.discrepancy.histories.pairs import as_two_laws, doubled
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
