@@ -1,5 +1,6 @@
 """How much more likely the data are with a suspect than without."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ from iwanjax.effects.kinds import JointKind
 from iwanjax.estimation.evidence import log_evidence
 from iwanjax.identification.free_values import free_values, values_measured
 from iwanjax.identification.multistart import HypothesisFit
+from iwanjax.identification.observer import noise_in_innovations, stepped
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.signals.comparison_band import OF_NOISE
 
@@ -122,14 +124,33 @@ def _inverse_root(A: np.ndarray) -> np.ndarray:
     return vectors * inverse @ vectors.T
 
 
-def left_by_noise(problem: HistoryProblem) -> float:
+def left_by_noise(problem: HistoryProblem, time_constant: float = math.inf) -> float:
     """Squared residual that noise alone leaves: of the sensors, and of forces that last.
 
     Weights allow for errors of the model too, so that the former is less than the number of
     samples.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Predictor and data.
+    time_constant : float
+        Memory of the observer; that of the free run by default, which feeds nothing through.
     """
     weight = np.asarray(problem.data.weight)
-    return float(np.sum((OF_NOISE * problem.noise * weight) ** 2)) + problem.driven
+    left = (OF_NOISE * problem.noise * weight) ** 2
+    return float(np.sum(left * _fed_through(problem, time_constant))) + problem.driven
+
+
+def _fed_through(problem: HistoryProblem, time_constant: float) -> np.ndarray:
+    """Squares that each sensor's noise leaves over what it is itself."""
+    blank, given, unit = problem.empty(), problem.map.given(), problem.noise
+    gain = problem.gains([blank], given[None], time_constant, slopes=False).gain[0] * unit
+    if not np.any(gain):
+        return np.ones(len(unit))
+    A, H = problem.rest()
+    step = stepped(A, float(problem.predictor.dt) * problem.predictor.substeps)
+    return noise_in_innovations(step, H / unit[:, None], gain, problem.data.response.shape[1])
 
 
 def left_by_right_model(problem: HistoryProblem) -> float:

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from iwanjax.identification.predictor import Predictor
 from iwanjax.settings.conditioning import CONDITIONING, ConditioningSettings
+from iwanjax.signals.comparison_band import passed
 
 # Exponents of ten between which the size of the process noise is looked for, and bisections.
 _SIZES, _ROUNDS = (-14.0, 14.0), 40
@@ -80,6 +81,35 @@ def _solved(A: np.ndarray, B: np.ndarray) -> np.ndarray:
         if A.ndim == 2:
             return np.full_like(B, np.nan)
         return np.stack([_solved(a, b) for a, b in zip(A, B, strict=True)])
+
+
+def noise_in_innovations(
+    step: np.ndarray, H: np.ndarray, gain: np.ndarray, size: int
+) -> Float[np.ndarray, " sensors"]:
+    r"""Squares that noise leaves in the innovations' band over those that it has there itself.
+
+    An observer takes some of it for motion, and that is seen again in what comes after:
+
+    .. math:: S(z) = I - H\,(z I - A (I - L H))^{-1} A L
+
+    It is one in the free run, and the more above it the shorter the memory is (in no observer
+    less over all frequencies, by Bode's integral).
+
+    Parameters
+    ----------
+    step, H
+        As for :func:`observer_gain`, of one system: A and H.
+    gain : (2 m, sensors) array
+        L, of sensors in deviations of their noise.
+    size : int
+        Samples, by which frequencies are spaced.
+    """
+    poles, V = np.linalg.eig(step @ (np.eye(len(step)) - gain @ H))
+    seen, fed = H @ V, np.linalg.solve(V, step @ gain)
+    z = np.exp(2j * np.pi * np.fft.rfftfreq(size))
+    S = np.eye(len(H)) - np.einsum("sp,fp,pn->fsn", seen, 1.0 / (z[:, None] - poles), fed)
+    share = passed(size) ** 2
+    return np.einsum("f,fsn->s", share, np.abs(S) ** 2) / np.sum(share)
 
 
 def process_noise(step: np.ndarray, H: np.ndarray, dt: float, time_constant: float) -> float:

@@ -116,7 +116,7 @@ class UnnamedFit:
             wider = loosened(found)
             known = memory, steps, in_time
             found = _searched(self.place, wider.problem, wider.fitted.start, *known)
-            enough = (1.0 + MODEL_ERROR_ALLOWANCE) * left_by_noise(found.problem)
+            enough = (1.0 + MODEL_ERROR_ALLOWANCE) * left_by_noise(found.problem, memory)
             while found.joint.free in _WIDER and found.fitted.cost > enough and in_time():
                 more = with_terms(found, _WIDER[found.joint.free])
                 other = _searched(self.place, *more, *known)

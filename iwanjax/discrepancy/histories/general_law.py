@@ -204,10 +204,10 @@ def _best_way(
         if found.joint.free != LINEAR and not _done_by_hysteresis(found, problem, nominal):
             return found
         ways = itertools.chain([found], curves)
-    enough, tried = (1.0 + MODEL_ERROR_ALLOWANCE) * left_by_noise(problem), []
+    noise, tried = left_by_noise(problem, TIME_CONSTANT), []
     for each in ways:
         lasting = each.onward((TIME_CONSTANT,), STEPS, scope.in_time).fitted.cost
-        if lasting < enough:
+        if lasting < (1.0 + MODEL_ERROR_ALLOWANCE) * noise:
             return each
         tried.append((lasting, each))
     return min(tried, key=lambda each: each[0])[1]
@@ -218,8 +218,8 @@ def _done_by_hysteresis(found: UnnamedFit, problem: HistoryProblem, nominal: Hyp
 
     That is its share of the force's share in what a law takes away.
     """
-    point, noise = (nominal.hypothesis, nominal.theta), left_by_noise(problem)
-    (before,) = squares_at(problem, [point], found.fitted.time_constant)
+    point, memory = (nominal.hypothesis, nominal.theta), found.fitted.time_constant
+    (before,), noise = squares_at(problem, [point], memory), left_by_noise(problem, memory)
     motion = _first(motion_of(found), problem)
     whole = np.asarray(force_in(found.law, motion))
     part = np.asarray(force_in(found.law.alone(*_HYSTERESIS), motion))

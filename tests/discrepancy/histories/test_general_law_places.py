@@ -61,7 +61,7 @@ def law(monkeypatch):
         return SimpleNamespace(values=values, temperature=1.0, tau=1.0)
 
     for name, instead in {
-        "left_by_noise": lambda problem: NOISE,
+        "left_by_noise": lambda problem, memory=None: NOISE,
         "blank_at": lambda place: None,
         "resonating": lambda *args: None,
         "squares_at": lambda *args: [0.0],
