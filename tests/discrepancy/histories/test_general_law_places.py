@@ -153,9 +153,9 @@ def test_a_curve_is_tried_from_bent_joints_and_from_those_given(
     monkeypatch, free, still_left, yielding, way
 ):
     class Way(Fit):
-        def __init__(self, problem, place, name, short, long):
-            super().__init__(problem, place, NOISE * short)
-            self.name, self.long = name, long
+        def __init__(self, problem, name, short, long):
+            super().__init__(problem, SimpleNamespace(label=name), NOISE * short)
+            self.long = long
             self.joint = SimpleNamespace(free=free)
             self.law = SimpleNamespace(
                 alone=lambda *names: None,
@@ -164,18 +164,19 @@ def test_a_curve_is_tried_from_bent_joints_and_from_those_given(
                 with_strengths=lambda strengths: SimpleNamespace(with_branch=lambda shape: None),
             )
 
-        def onward(self, memories, *known):
-            long = memories[0] > module.SHORT_TIME_CONSTANT
-            return Way(self.problem, self.place, self.name, *([self.long] * 2)) if long else self
+        def onward(self, *known):
+            if known[0][0] == module.SHORT_TIME_CONSTANT:
+                return self
+            return Way(self.problem, self.place.label, self.long, self.long)
 
         def gains_on(self, other):
             return free != module.LINEAR
 
     def fitted(problem, kind, place, starts, *known):
         if known[-1] != module.DUHEM:
-            return Way(problem, place, "as it is", 1.4, still_left)
+            return Way(problem, "as it is", 1.4, still_left)
         bent = float(starts[0].z[0]) == 0.0
-        return Way(problem, place, *(("bent", 1.1, 5.0) if bent else ("given", 1.2, yielding)))
+        return Way(problem, *(("bent", 1.1, 5.0) if bent else ("given", 1.2, yielding)))
 
     if free == HYSTERETIC:
         monkeypatch.setattr(module, "squares_at", lambda *args: [100.0 * NOISE])
@@ -188,4 +189,4 @@ def test_a_curve_is_tried_from_bent_joints_and_from_those_given(
     nominal = SimpleNamespace(theta=np.zeros((1, 1)), hypothesis=None)
     scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, kinds=(), places=())
     found = module.general_law(problem, nominal, [], [A], scope)
-    assert found.fit.name == way
+    assert found.fit.place.label == way
