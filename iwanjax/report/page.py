@@ -223,6 +223,12 @@ def render(
 def png(figure: Figure) -> bytes:
     """A figure as the contents of a PNG file."""
     buffer = io.BytesIO()
+    figure.set_dpi(_DPI)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        # Once, by itself: savefig would draw all of the figure for it, unseen.
+        engine.execute(figure)
+        figure.set_layout_engine("none")
     figure.savefig(buffer, format="png", dpi=_DPI)
     return buffer.getvalue()
 

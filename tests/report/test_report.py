@@ -1,4 +1,5 @@
 import dataclasses
+import io
 import itertools
 from html.parser import HTMLParser
 
@@ -428,3 +429,28 @@ def test_what_must_not_be_overlooked_is_called_out(solution, monkeypatch):
 def test_a_report_of_nothing_is_refused():
     with pytest.raises(ij.InputError, match="no fits"):
         fit_report("r", [])
+
+
+@pytest.mark.parametrize("layout", ["constrained", None])
+def test_a_picture_is_the_one_that_matplotlib_saves(layout):
+    def figure() -> Figure:
+        made, axes = plt.subplots(2, 2, figsize=(5.0, 3.0), layout=layout)
+        for i, ax in enumerate(axes.flat):
+            ax.loglog([1e-3, 1.0], [10.0**i, 2.0], label=f"level {i}")
+            ax.set(xlabel="frequency (Hz)", ylabel="acceleration\n(m/s$^2$)")
+        axes[0, 0].legend()
+        made.colorbar(axes[1, 1].scatter([0.1], [10.0], c=[1.0]), ax=axes[1, 1])
+        return made
+
+    pictures = []
+    for save in (png, saved_by_matplotlib):
+        drawn = figure()
+        pictures.append(plt.imread(io.BytesIO(save(drawn))))
+        plt.close(drawn)
+    np.testing.assert_array_equal(*pictures)
+
+
+def saved_by_matplotlib(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=200)
+    return buffer.getvalue()
