@@ -139,15 +139,15 @@ def left_by_noise(problem: HistoryProblem, time_constant: float = math.inf) -> f
     """
     weight = np.asarray(problem.data.weight)
     left = (OF_NOISE * problem.noise * weight) ** 2
-    return float(np.sum(left * _fed_through(problem, time_constant))) + problem.driven
+    if not math.isinf(time_constant):
+        left = left * _fed_through(problem, time_constant)
+    return float(np.sum(left)) + problem.driven
 
 
 def _fed_through(problem: HistoryProblem, time_constant: float) -> np.ndarray:
     """Squares that each sensor's noise leaves over what it is itself."""
     blank, given, unit = problem.empty(), problem.map.given(), problem.noise
     gain = problem.gains([blank], given[None], time_constant, slopes=False).gain[0] * unit
-    if not np.any(gain):
-        return np.ones(len(unit))
     A, H = problem.rest()
     step = stepped(A, float(problem.predictor.dt) * problem.predictor.substeps)
     return noise_in_innovations(step, H / unit[:, None], gain, problem.data.response.shape[1])
