@@ -148,6 +148,9 @@ def _fed_through(problem: HistoryProblem, time_constant: float) -> np.ndarray:
     """Squares that each sensor's noise leaves over what it is itself."""
     blank, given, unit = problem.empty(), problem.map.given(), problem.noise
     gain = problem.gains([blank], given[None], time_constant, slopes=False).gain[0] * unit
+    if not np.all(np.isfinite(gain)):
+        # No observer, and no fit with one either.
+        return np.ones(len(unit))
     A, H = problem.rest()
     step = stepped(A, float(problem.predictor.dt) * problem.predictor.substeps)
     return noise_in_innovations(step, H / unit[:, None], gain, problem.data.response.shape[1])

@@ -142,9 +142,10 @@ def without_macroslip(place: IwanPlace, theta: np.ndarray) -> list[np.ndarray]:
     """
     own = _of_place(place, theta)
     chi, n = float(own[2]), float(own[2]) + 1.0
-    if not n > 0.0 or _below(place, theta):
-        return []
     R, found = float(distribution_of(*own)[0]), []
+    # A search may end where a joint has no strength left.
+    if not (n > 0.0 and 0.0 < R < np.inf) or _below(place, theta):
+        return []
     for phi_max in place.reach * np.geomspace(_BEYOND, _FARTHEST, _PLACES):
         yielding = R * phi_max**n / n
         for K_T in yielding * np.geomspace(1.0 / _SHORT, _FARTHEST, _PLACES // 2):
@@ -183,7 +184,8 @@ def _below(place: IwanPlace, theta: np.ndarray) -> bool:
 
 def _of_place(place: IwanPlace, theta: np.ndarray) -> list[Array]:
     """F_S, K_T, chi and beta of a place's joint."""
-    return [jnp.asarray(theta[i]) for i in place.positions.values()]
+    order = ("F_S", "K_T", "chi", "beta")
+    return [jnp.asarray(theta[place.positions[name]]) for name in order]
 
 
 def microslip(

@@ -200,7 +200,13 @@ class StructuralProblem(AbstractProblem):
     def restarts(self, theta: np.ndarray, count: int) -> np.ndarray | None:
         """Each joint that comes to macroslip as one that does not; None where there is none."""
         places = self.iwan_places(jnp.asarray(theta))
-        rows = [each for place in places for each in without_macroslip(place, theta)]
+        low, high = np.asarray(self.chart.lower), np.asarray(self.chart.upper)
+        rows = [
+            each
+            for place in places
+            for each in without_macroslip(place, theta)
+            if np.all((low <= each) & (each <= high))
+        ]
         return np.stack([rows[i * len(rows) // count] for i in range(count)]) if rows else None
 
     def derived(self, theta: Float[Array, " parameters"]) -> Mapping[str, Array]:

@@ -40,6 +40,14 @@ def test_a_joint_that_stays_in_microslip_is_let_alone():
     assert without_macroslip(AT, theta_of(1.5 * REACH)) == []
 
 
+@pytest.mark.parametrize("F_S", [0.0, 1e-300])
+def test_a_joint_without_strength_left_is_let_alone(F_S):
+    lost = theta_of(0.4 * REACH)
+    lost[POSITIONS["F_S"]] = F_S
+    for theta in without_macroslip(AT, lost):
+        assert np.all(np.isfinite(theta))
+
+
 def test_macroslip_is_not_known_where_another_end_is_without():
     slips, stays = theta_of(0.4 * REACH), theta_of(1.5 * REACH)
     farther = AT._replace(reach=1.2 * REACH)
