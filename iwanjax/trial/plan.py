@@ -258,6 +258,8 @@ def _sized(
 
     low, high = BANDS[strength]
     size = size_for(search, changes, float(np.exp(rng.uniform(math.log(low), math.log(high)))))
+    if math.isnan(size):
+        return None
     effect = Effect(kind, where, tuple(float(v) for v in search.build(np.asarray(size))))
     (change,) = _changes(base, joints, take, effect, without)
     return effect if REACHED * low <= change <= high / REACHED else None

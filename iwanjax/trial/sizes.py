@@ -1,5 +1,6 @@
 """How large an effect must be to change a recording as much as it is meant to."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -148,12 +149,17 @@ def crossing(sizes: Array, changes: Array, target: float) -> tuple[float, float]
 def size_for(search: Search, changes: Callable[[Array], Array], target: float) -> float:
     """The size whose change is the target; where none is, the one that changes most.
 
+    NaN where none can be simulated: a law may be too stiff for its steps.
+
     `changes` gives the relative change of the hardest recording at each of several sizes.
     """
     low, high = search.low, search.high
     for count in _ROUNDS:
         sizes = np.geomspace(low, high, count)
-        low, high = crossing(sizes, changes(sizes), target)
+        found = changes(sizes)
+        if not np.any(np.isfinite(found)):
+            return math.nan
+        low, high = crossing(sizes, found, target)
     return float(np.sqrt(low * high))
 
 

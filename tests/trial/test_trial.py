@@ -23,7 +23,7 @@ from iwanjax.trial.foreign_laws import LAWS, SUM_OF
 from iwanjax.trial.outcome import TrialOutcome, judged
 from iwanjax.trial.plan import FORCES, SIMULATED, UNNAMED, concealed
 from iwanjax.trial.simulation import fine_forces, path_at, simulated
-from iwanjax.trial.sizes import BANDS, REACHED, scaled
+from iwanjax.trial.sizes import BANDS, REACHED, Search, scaled, size_for
 
 STUDY = Path(__file__).resolve().parents[2] / "configs" / "concealed_spring.yaml"
 
@@ -104,6 +104,13 @@ def test_a_trial_is_what_its_number_says_and_as_strong_as_it_is_meant_to_be(shor
     change = np.sqrt(np.mean((found - clean) ** 2) / np.mean(clean**2))
     low, high = BANDS[one.strength]
     assert 0.9 * REACHED * low < change < 1.1 * high / REACHED
+
+
+def test_a_law_that_no_steps_follow_at_any_size_has_none_and_others_the_one_that_is_wanted():
+    search = Search(lambda s: (s,), 1e-3, 10.0)
+    assert np.isnan(size_for(search, lambda sizes: np.full(sizes.shape, np.nan), 0.5))
+    too_stiff = size_for(search, lambda sizes: np.where(sizes < 2.0, 0.1 * sizes, np.inf), 0.1)
+    assert abs(too_stiff - 1.0) < 0.05
 
 
 def test_an_empty_trial_differs_from_the_model_by_its_joints_and_noise_alone(short):
