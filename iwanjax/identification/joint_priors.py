@@ -115,7 +115,9 @@ class FreeLaw(Joint):
         assert isinstance(self.given, UnnamedLaw)
         shape = z[self.terms.size :]
         resonance, branch = shape[: RESONANCE.size], shape[RESONANCE.size :]
-        found = self.given.with_strengths(self.spread(z))
+        # Terms that are not fitted are numbers, whatever JAX does with z.
+        strengths = dict(zip(self.free, self._strengths(z), strict=True))
+        found = self.given.with_strengths(tuple(strengths.get(i, 0.0) for i in range(len(TERMS))))
         found = found.with_resonance(RESONANCE + _ANYTHING * resonance)
         return found.with_branch(FIRST_BRANCH + branch) if self.duhem else found
 
@@ -129,8 +131,10 @@ class FreeLaw(Joint):
 
     def spread(self, z: Array) -> Array:
         """Strengths of all terms, force."""
-        free = self.terms
-        return jnp.zeros(len(TERMS)).at[free].set(self.loose[free] * z[: free.size])
+        return jnp.zeros(len(TERMS)).at[self.terms].set(self._strengths(z))
+
+    def _strengths(self, z: Array) -> Array:
+        return self.loose[self.terms] * z[: self.terms.size]
 
 
 def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:

@@ -329,7 +329,7 @@ def force_in(law: UnnamedLaw, motion: PlaceMotion) -> Array:
     and rates, those are no differences of them.
     """
     element, masses = law.discrete().apart()
-    inertia = masses.force(motion.d, motion.v, motion.a)
+    inertia = masses.force(motion.d, motion.v, motion.a) if masses else jnp.zeros_like(motion.d)
 
     def one(d: Array, v: Array) -> Array:
         def advance(state: Any, end: tuple[Array, Array]) -> tuple[Any, Array]:

@@ -7,6 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from iwanjax.joints.discrete import AbstractDiscrete, Reaction
+
 
 def tip_stiffness(
     share: Array, onward: Array, back: Array, d: Array, K_T: Array
@@ -66,7 +68,29 @@ FIRST_BRANCH = _first_branch()
 f(-w)/f(w) at those after 0."""
 
 
-class DuhemSpring(NamedTuple):
+class YieldedState(NamedTuple):
+    """What springs that yield remember.
+
+    Attributes
+    ----------
+    d, v : array
+        Deflection and rate at the end of the last step.
+    share : array
+        Of each one's force at its slip, what it has.
+    """
+
+    d: Array
+    v: Array
+    share: Array
+
+    @classmethod
+    def none(cls, force: Array) -> "YieldedState":
+        """At rest, for springs of these forces."""
+        zero = jnp.zeros(())
+        return cls(zero, zero, jnp.zeros_like(force))
+
+
+class DuhemSpring(AbstractDiscrete):
     r"""A spring that yields along one curve of any shape, :math:`dw = f(\pm w)\,|dd|`.
 
     Up and down alike a branch follows that curve from where it begins; f is linear between nodes
@@ -105,6 +129,28 @@ class DuhemSpring(NamedTuple):
         moved, work = _along(f[:-1], (f[1:] - f[:-1]) / wide, begun, wide)
         return cls(force, f, summed(moved), summed(work))
 
+    def init(self) -> YieldedState:
+        """At rest."""
+        return YieldedState.none(self.force)
+
+    def step(self, d: Array, v: Array, dt: Array, state: YieldedState) -> Reaction:
+        """Move to d, to arrive at rate v."""
+        # Of the state's own deflection: what settles a step has moved it.
+        moved, begun = d - state.d, state.share
+        w, leaning = jax.jvp(lambda by: self.onward(begun, by), (moved,), (jnp.ones_like(d),))
+        after, lost = YieldedState(d, v, w), self.lost(begun, w, moved)
+        return Reaction(self.force * w, self.force * leaning, jnp.zeros_like(d), after, lost)
+
+    def settled(
+        self, state: YieldedState, by: Array, faster: Array, stiffness: Array
+    ) -> YieldedState:
+        """It follows a little further."""
+        return YieldedState(state.d + by, state.v + faster, self.onward(state.share, by))
+
+    def energy(self, d: Array, state: YieldedState) -> Array:
+        """What unloading gives back, force x length."""
+        return self.stored(state.share)
+
     def onward(self, w: Array, moved: Array) -> Array:
         """The share after a monotonic step."""
         way = jnp.where(moved < 0.0, -1.0, 1.0)
@@ -116,9 +162,9 @@ class DuhemSpring(NamedTuple):
         (u, begun), (_, ended) = self._at(way * w), self._at(way * after)
         spent = jnp.maximum(u + jnp.abs(moved) - self.u[-1], 0.0)
         work = self.force * (ended - begun + spent)
-        return jnp.maximum(work - self.energy(after) + self.energy(w), 0.0)
+        return jnp.maximum(work - self.stored(after) + self.stored(w), 0.0)
 
-    def energy(self, w: Array) -> Array:
+    def stored(self, w: Array) -> Array:
         """What unloading gives back, force x length."""
         return self.force * self._at(-jnp.abs(w))[1]
 

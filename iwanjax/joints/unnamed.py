@@ -1,7 +1,7 @@
 """A law for what has no name: springs, dampers, sliders, yield and masses side by side."""
 
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import equinox as eqx
 import jax
@@ -12,12 +12,13 @@ from jaxtyping import Array, Float
 from iwanjax.errors import InputError
 from iwanjax.files.trees import read_tree, write_tree
 from iwanjax.joints.abstract import AbstractJoint, Law, ParameterInfo, named
+from iwanjax.joints.discrete import AbstractDiscrete
 from iwanjax.joints.duhem import FIRST_BRANCH, DuhemSpring
 from iwanjax.joints.masing import masing_loading
 from iwanjax.joints.maxwell import Relaxing
 from iwanjax.joints.sliders import SliderBank
 from iwanjax.joints.unnamed_inertia import Masses
-from iwanjax.joints.unnamed_motion import Unnamed
+from iwanjax.joints.unnamed_motion import Dampers, RelaxingSprings, SideBySide, Sliders
 from iwanjax.joints.unnamed_parts import CYCLE, Bristles, SplineSpring, YieldingSprings
 from iwanjax.joints.unnamed_terms import (
     BRISTLES,
@@ -102,7 +103,7 @@ class UnnamedLaw(AbstractJoint):
         """The law without any force, for a place of these largest motions."""
         return cls(np.zeros(len(TERMS)), deflection, rate, period)
 
-    def with_strengths(self, strengths: ArrayLike) -> Self:
+    def with_strengths(self, strengths: ArrayLike | tuple[Any, ...]) -> Self:
         """The same with other strengths, (terms,)."""
         scales = self.deflection, self.rate, self.period
         return type(self)(strengths, *scales, self.branch, self.resonance)
@@ -110,19 +111,18 @@ class UnnamedLaw(AbstractJoint):
     def with_branch(self, branch: ArrayLike) -> Self:
         """The same with another shape of the spring that yields along a curve."""
         scales = self.deflection, self.rate, self.period
-        return type(self)(jnp.stack(self.strengths), *scales, branch, self.resonance)
+        return type(self)(self.strengths, *scales, branch, self.resonance)
 
     def with_resonance(self, resonance: ArrayLike) -> Self:
         """The same with another frequency and damping of the mass that resonates."""
         scales = self.deflection, self.rate, self.period
-        return type(self)(jnp.stack(self.strengths), *scales, self.branch, resonance)
+        return type(self)(self.strengths, *scales, self.branch, resonance)
 
     def alone(self, *parts: str) -> Self:
         """Some of the parts by themselves, by their names in ``unnamed_terms.PARTS``."""
-        kept = np.zeros(len(TERMS))
-        for part in parts:
-            kept[PARTS[part]] = 1.0
-        return self.with_strengths(jnp.asarray(kept) * jnp.stack(self.strengths))
+        kept = {i for part in parts for i in range(len(TERMS))[PARTS[part]]}
+        own = enumerate(self.strengths)
+        return self.with_strengths(tuple(x if i in kept else 0.0 for i, x in own))
 
     def save(self, path: str | Path) -> Path:
         """Write the law to an ``.npz`` file, which studies name by ``file:``."""
@@ -152,29 +152,91 @@ class UnnamedLaw(AbstractJoint):
     def limit_stiffness(self) -> Array:
         """Mean of the slopes that the spring goes on with, force/length."""
         ends = 2.0 * OUTSIDE * self.deflection * jnp.array([-1.0, 1.0])
-        return jnp.mean(_spring(self).curve(ends)[1])
+        return jnp.mean(self.spring.curve(ends)[1])
 
-    def discrete(self, sliders: int | None = None) -> Unnamed:
-        """All parts in motion."""
+    @property
+    def spring(self) -> SplineSpring:
+        """The elastic part."""
+        return SplineSpring.of(jnp.stack(self.strengths[:ELASTIC]), self.deflection)
+
+    @property
+    def dampers(self) -> Dampers:
+        """Forces of the rate."""
+        return Dampers(self.deflection, self.rate, self._of("damper"))
+
+    @property
+    def sliders(self) -> Sliders:
+        """Each node's strength shared among those about it."""
+        phi = self.deflection * SLIPS
+        return Sliders(SliderBank(phi, jnp.asarray(SHARES) @ self._of("sliders") / phi))
+
+    @property
+    def relaxing(self) -> RelaxingSprings:
+        """Springs in series with dashpots."""
         tau = self.period / (2.0 * np.pi) * jnp.asarray(TIMES)
-        return Unnamed(
-            _spring(self),
-            self.deflection,
-            self.rate,
-            jnp.stack(self.strengths[PARTS["damper"]]),
-            _bank(self),
-            Relaxing(jnp.ones_like(tau), tau),
-            jnp.stack(self.strengths[PARTS["relaxation"]]),
-            _yielding(self),
-            _bristles(self),
-            _masses(self),
-            _duhem(self),
-        )
+        unit = Relaxing(jnp.ones_like(tau), tau)
+        return RelaxingSprings(unit, self._of("relaxation") / self.deflection)
+
+    @property
+    def yielding(self) -> YieldingSprings:
+        """Springs that yield gradually and unload straight."""
+        return YieldingSprings(self._of("yielding"), self.deflection * YIELDS)
+
+    @property
+    def bristles(self) -> Bristles:
+        """Springs that yield gradually either way, some the more the faster."""
+        fading = jnp.asarray(FADING) / self.rate
+        return Bristles(self._of("bristles"), self.deflection * BRISTLES, fading)
+
+    @property
+    def masses(self) -> Masses:
+        """One of constant size, one that grows with the deflection, and one that resonates."""
+        force = jnp.concatenate([self._of("inertia"), self._of("resonance")])
+        scales = self.deflection, self.rate, self.period
+        return Masses.of(force, *scales, jnp.stack(self.resonance))
+
+    @property
+    def duhem(self) -> DuhemSpring:
+        """A spring that yields along a curve of any shape."""
+        force = self.strengths[PARTS["duhem"].start]
+        back, held = jnp.split(jnp.stack(self.branch), [FIRST_BRANCH.size // 2 + 1])
+        return DuhemSpring.of(force, self.deflection, back, held)
+
+    def _of(self, part: str) -> Array:
+        """Strengths of a part."""
+        return jnp.stack(self.strengths[PARTS[part]])
+
+    def _acts(self, *parts: str) -> bool:
+        """Whether any of these has a strength, or may have: zeros that JAX does not trace are none.
+
+        A search of a few terms is so spared the others: to compile, and in each step.
+        """
+        strengths = [each for part in parts for each in self.strengths[PARTS[part]]]
+        return any(is_traced(each) or bool(each != 0.0) for each in strengths)
+
+    def discrete(self, sliders: int | None = None) -> SideBySide:
+        """All parts that have any strength, and the spring, in motion."""
+        found: list[AbstractDiscrete] = [self.spring]
+        if self._acts("damper"):
+            found.append(self.dampers)
+        if self._acts("sliders"):
+            found.append(self.sliders)
+        if self._acts("relaxation"):
+            found.append(self.relaxing)
+        if self._acts("yielding"):
+            found.append(self.yielding)
+        if self._acts("bristles"):
+            found.append(self.bristles)
+        if self._acts("inertia", "resonance"):
+            found.append(self.masses)
+        if self._acts("duhem"):
+            found.append(self.duhem)
+        return SideBySide(tuple(found))
 
     def law(self) -> Law:
         """Virgin curve d -> (force, tangent): the spring, the sliders and what yields."""
-        bank = _bank(self)
-        curves = [_spring(self).curve, *(part(self).curve for part in _YIELDING)]
+        bank = self.sliders.bank
+        curves = [self.spring.curve, *(part.curve for part in self._that_yield)]
         curves.append(lambda d: _virgin(bank, d))
 
         def evaluate(d: Array) -> tuple[Array, Array]:
@@ -194,8 +256,9 @@ class UnnamedLaw(AbstractJoint):
     def tip_stiffness(self, d: ArrayLike) -> Float[Array, "..."]:
         """Secant of the spring, tangent of the sliders, and of what yields, force/length."""
         amplitude = jnp.abs(real(d))
-        yielded = [part(self).tip_stiffness(amplitude) for part in _YIELDING]
-        return self.alone("spring").secant(d) + _virgin(_bank(self), amplitude)[1] + sum(yielded)
+        yielded = [part.tip_stiffness(amplitude) for part in self._that_yield]
+        held = _virgin(self.sliders.bank, amplitude)[1]
+        return self.alone("spring").secant(d) + held + sum(yielded)
 
     def dissipation(self, d: ArrayLike, *, omega: ArrayLike | None = None) -> Float[Array, "..."]:
         r"""Energy lost in a steady harmonic cycle of amplitude |d|, force x length.
@@ -215,27 +278,39 @@ class UnnamedLaw(AbstractJoint):
         """
         amplitude = jnp.abs(real(d))
         w = 2.0 * jnp.pi / self.period if omega is None else real(omega)
-        bank, all_of = _bank(self), self.discrete()
+        bank, relaxing = self.sliders.bank, self.relaxing
         slipped = jnp.maximum(amplitude[..., None] - bank.phi, 0.0)
         lost = 4.0 * jnp.sum(bank.k * bank.phi * slipped, axis=-1)
-        lost = lost + _yielding(self).cycle(amplitude) + _bristles(self).cycle(amplitude, w)
-        lost = lost + _duhem(self).cycle(amplitude) + _masses(self).dissipation(amplitude, w)
-        angle = w * all_of.relaxing.c
-        stored = all_of.relaxation * angle / (1.0 + angle**2)
-        lost = lost + jnp.pi * jnp.sum(stored) / self.deflection * amplitude**2
+        lost = lost + self.yielding.cycle(amplitude) + self.bristles.cycle(amplitude, w)
+        lost = lost + self.duhem.cycle(amplitude) + self.masses.dissipation(amplitude, w)
+        angle = w * relaxing.unit.c
+        stored = relaxing.stiffness * angle / (1.0 + angle**2)
+        lost = lost + jnp.pi * jnp.sum(stored) * amplitude**2
         phase = 2.0 * np.pi * (np.arange(CYCLE) + 0.5) / CYCLE
         phase = phase.reshape(-1, *(1,) * amplitude.ndim)
         v = w * amplitude * np.cos(phase)
-        power = all_of.damper(amplitude * np.sin(phase), v) * v
+        power = self.dampers.force(amplitude * np.sin(phase), v) * v
         return lost + 2.0 * jnp.pi / w * jnp.mean(power, axis=0)
 
     def loading(self, d: ArrayLike, d_0: ArrayLike) -> Float[Array, "..."]:
         """Loading branch of the quasi-static loop: the spring, the sliders by Masing's rule."""
-        to, bank = real(d), _bank(self)
+        to, bank = real(d), self.sliders.bank
         amplitude = jnp.abs(real(d_0))
         held = masing_loading(lambda x: _virgin(bank, x), to, amplitude)
-        yielded = [part(self).loading(to, amplitude) for part in _YIELDING]
-        return _spring(self).curve(to)[0] + held + sum(yielded)
+        yielded = [part.loading(to, amplitude) for part in self._that_yield]
+        return self.spring.curve(to)[0] + held + sum(yielded)
+
+    @property
+    def _that_yield(self) -> list[YieldingSprings | Bristles | DuhemSpring]:
+        """Parts that yield gradually and have any strength."""
+        found: list[YieldingSprings | Bristles | DuhemSpring] = []
+        if self._acts("yielding"):
+            found.append(self.yielding)
+        if self._acts("bristles"):
+            found.append(self.bristles)
+        if self._acts("duhem"):
+            found.append(self.duhem)
+        return found
 
     def __repr__(self) -> str:
         """How far it was fitted."""
@@ -282,49 +357,17 @@ class UnnamedLaw(AbstractJoint):
                 )
 
 
-def _row(values: ArrayLike | tuple[Array, ...], name: str) -> tuple[Array, ...]:
+def _row(values: ArrayLike | tuple[Any, ...], name: str) -> tuple[Array, ...]:
     """The numbers of a row, one by one."""
+    # Some of a tuple may be numbers where others are traced.
+    if isinstance(values, tuple) and is_traced(values):
+        as_they_are: tuple[Any, ...] = values
+        return as_they_are
     row = as_real(values, name)
     # One by one by JAX, each place would be a compilation of its own.
     if is_traced(row):
         return tuple(part[0] for part in jnp.split(row, row.shape[0]))
     return tuple(jax.device_put(list(np.asarray(row))))
-
-
-def _spring(law: UnnamedLaw) -> SplineSpring:
-    return SplineSpring.of(jnp.stack(law.strengths[:ELASTIC]), law.deflection)
-
-
-def _yielding(law: UnnamedLaw) -> YieldingSprings:
-    force = jnp.stack(law.strengths[PARTS["yielding"]])
-    return YieldingSprings(force, law.deflection * YIELDS)
-
-
-def _bristles(law: UnnamedLaw) -> Bristles:
-    force = jnp.stack(law.strengths[PARTS["bristles"]])
-    return Bristles(force, law.deflection * BRISTLES, jnp.asarray(FADING) / law.rate)
-
-
-def _masses(law: UnnamedLaw) -> Masses:
-    force = jnp.stack(law.strengths[PARTS["inertia"]] + law.strengths[PARTS["resonance"]])
-    resonance = jnp.stack(law.resonance)
-    return Masses.of(force, law.deflection, law.rate, law.period, resonance)
-
-
-def _duhem(law: UnnamedLaw) -> DuhemSpring:
-    force = law.strengths[PARTS["duhem"].start]
-    back, held = jnp.split(jnp.stack(law.branch), [FIRST_BRANCH.size // 2 + 1])
-    return DuhemSpring.of(force, law.deflection, back, held)
-
-
-_YIELDING = (_yielding, _bristles, _duhem)
-
-
-def _bank(law: UnnamedLaw) -> SliderBank:
-    """The sliders: each node's strength shared among those about it."""
-    phi = law.deflection * SLIPS
-    force = jnp.asarray(SHARES) @ jnp.stack(law.strengths[PARTS["sliders"]])
-    return SliderBank(phi, force / phi)
 
 
 def _virgin(bank: SliderBank, d: Array) -> tuple[Array, Array]:

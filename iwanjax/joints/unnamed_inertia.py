@@ -1,21 +1,22 @@
 """Inertia of the general law: a mass, one that grows with the deflection, one that resonates."""
 
-from typing import NamedTuple
+from typing import ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from iwanjax.joints.attached_oscillator import Attached, AttachedState
-from iwanjax.joints.discrete import Reaction
+from iwanjax.joints.discrete import AbstractDiscrete, Reaction
 
 # Circular frequency of what holds a mass on its foot, critically damped, over that of the law's
 # period. At a frequency w it carries (w / held)^2 more than the mass: 1 % at a tenth.
 _HELD = 300.0
 
 
-class Masses(NamedTuple):
+class Masses(AbstractDiscrete):
     r"""Masses on feet that move with a place, :math:`y = d` and :math:`y = d^2/2D`.
 
     The second's kinetic energy :math:`\frac12 m (d/D)^2\dot d^2` is that of a mass that grows with
@@ -40,6 +41,7 @@ class Masses(NamedTuple):
     m: Array
     D: Array
     held: Attached
+    rate_dependent: ClassVar[bool] = True
 
     @classmethod
     def of(
@@ -73,12 +75,21 @@ class Masses(NamedTuple):
         )
 
     def settled(
-        self, state: AttachedState, d: Array, v: Array, by: Array, faster: Array
+        self, state: AttachedState, by: Array, faster: Array, stiffness: Array
     ) -> AttachedState:
-        """The same step from a state at d and v with another end, exact as its feet are."""
-        foot, rate, _ = self._feet(d + by, v + faster)
+        """The same step with another end, exact as its feet are."""
+        # The first one's foot is where the place is.
+        foot, rate, _ = self._feet(state.d[0] + by, state.v[0] + faster)
         settle = jax.vmap(Attached.settled, (0, 0, 0, 0, None))
-        return settle(self.held, state, foot - state.d, rate - state.v, jnp.zeros_like(d))
+        return settle(self.held, state, foot - state.d, rate - state.v, jnp.zeros_like(by))
+
+    def apart(self) -> tuple["Masses", "Masses"]:
+        """Without those that do not resonate, and all of them."""
+        return eqx.tree_at(lambda e: e.m, self, self.m.at[:2].set(0.0)), self
+
+    def haste(self, dt: Array) -> Array:
+        """None: their step is exact, and what holds them stiffly is no part of the law."""
+        return jnp.zeros_like(dt)
 
     def force(self, d: Array, v: Array, a: Array) -> Array:
         """Of what is held stiffly, where the acceleration is known: (...,) as all of these."""
@@ -89,7 +100,7 @@ class Masses(NamedTuple):
         """What these weigh at a deflection."""
         return self.m[0] + self.m[1] * (d / self.D) ** 2
 
-    def energy(self, state: AttachedState) -> Array:
+    def energy(self, d: Array, state: AttachedState) -> Array:
         """Of the masses in motion and of what holds them, force x length."""
         return jnp.sum(self.m * jax.vmap(Attached.energy)(self.held, state.d, state))
 

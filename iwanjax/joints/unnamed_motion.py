@@ -1,111 +1,39 @@
-"""The general law in motion: all its parts side by side over one step."""
+"""The general law in motion: its dampers, sliders and relaxing springs, and all parts together."""
 
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from iwanjax.joints.attached_oscillator import AttachedState
 from iwanjax.joints.discrete import AbstractDiscrete, Reaction
-from iwanjax.joints.duhem import DuhemSpring
 from iwanjax.joints.maxwell import Relaxing, RelaxingState
 from iwanjax.joints.sliders import SliderBank, SliderState
-from iwanjax.joints.unnamed_inertia import Masses
-from iwanjax.joints.unnamed_parts import Bristles, SplineSpring, YieldingSprings
 from iwanjax.joints.unnamed_terms import OUTSIDE, RATES, RISE
 
 
-class UnnamedState(NamedTuple):
-    """What the law remembers.
+class Dampers(AbstractDiscrete):
+    """Forces of the rate, one also of the deflection.
 
     Attributes
     ----------
-    d, v : array
-        Deflection and rate at the end of the last step.
-    sliders : SliderState
-        Of the bank.
-    relaxing : RelaxingState
-        Of relaxing springs of unit stiffness.
-    z : (springs,) array
-        Shares of their slip of the yielding springs.
-    w : (bristles,) array
-        Shares of their slip of the bristles.
-    masses : AttachedState
-        Of all masses, (3, ...).
-    branch : array
-        Share of its force of the spring that yields along a curve.
-    """
-
-    d: Array
-    v: Array
-    sliders: SliderState
-    relaxing: RelaxingState
-    z: Array
-    w: Array
-    masses: AttachedState
-    branch: Array
-
-
-class Unnamed(AbstractDiscrete):
-    """The general law in motion: its spring, dampers, sliders, relaxation, bristles and masses.
-
-    Attributes
-    ----------
-    spring : SplineSpring
-        The elastic part.
     D, V : array
-        Largest deflection and rate that it was fitted to.
-    dampers : (dampers,) array
-        Strengths, force.
-    bank : SliderBank
-        The sliders.
-    relaxing : Relaxing
-        Springs of unit stiffness in series with dashpots.
-    relaxation : (times,) array
-        Their strengths, force at D.
-    yielding : YieldingSprings
-        Springs that yield gradually and unload straight.
-    bristles : Bristles
-        Springs that yield gradually either way, some the more the faster.
-    masses : Masses
-        One of constant size, one that grows with the deflection, and one that resonates.
-    duhem : DuhemSpring
-        A spring that yields along a curve of any shape.
+        Largest deflection and rate that they were fitted to.
+    strengths : (dampers,) array
+        Force.
     """
 
-    spring: SplineSpring
     D: Array
     V: Array
-    dampers: Array
-    bank: SliderBank
-    relaxing: Relaxing
-    relaxation: Array
-    yielding: YieldingSprings
-    bristles: Bristles
-    masses: Masses
-    duhem: DuhemSpring
+    strengths: Array
     rate_dependent: ClassVar[bool] = True
 
-    def init(self) -> UnnamedState:
-        """At rest."""
-        zero = jnp.zeros(())
-        relaxing = self.relaxing.init()._replace(d=zero)
-        still = jnp.zeros_like(self.yielding.force), jnp.zeros_like(self.bristles.force)
-        carried = self.masses.init()
-        return UnnamedState(zero, zero, self.bank.init(), relaxing, *still, carried, zero)
-
-    def apart(self) -> tuple["Unnamed", Masses]:
-        """The law without those of its masses that do not resonate, and all of them."""
-        resonates = self.masses.m.at[:2].set(0.0)
-        return eqx.tree_at(lambda e: e.masses.m, self, resonates), self.masses
-
-    def damper(self, d: Array, v: Array) -> Array:
-        """Force of the dampers, against the motion whatever it is."""
+    def force(self, d: Array, v: Array) -> Array:
+        """Against the motion whatever it is."""
         u, x = v / self.V, d / self.D
         size = jnp.abs(u)
-        saturating = [(1.0 + e) * u / (size + e) for e in RATES]
+        rates, count = jnp.asarray(RATES), len(RATES)
+        saturating = (1.0 + rates) * u[..., None] / (size[..., None] + rates)
         # Beyond twice the fastest motion on along the tangent.
         b, far, within = OUTSIDE, jnp.maximum(size, OUTSIDE), size < OUTSIDE
         drag = u * jnp.where(within, size, 2.0 * b - b**2 / far)
@@ -113,91 +41,153 @@ class Unnamed(AbstractDiscrete):
         rising = (1.0 + RISE) * u * size / (size + RISE)
         apart = jnp.minimum(x**2, b**2) * u
         sides = jnp.maximum(u, 0.0), jnp.minimum(u, 0.0)
-        terms = (*saturating, *sides, rising, drag, cubic, apart)
-        pairs = zip(self.dampers, terms, strict=True)
-        return sum((strength * term for strength, term in pairs), jnp.zeros_like(u))
+        others = jnp.stack([*sides, rising, drag, cubic, apart], axis=-1)
+        return saturating @ self.strengths[:count] + others @ self.strengths[count:]
 
-    def step(self, d: Array, v: Array, dt: Array, state: UnnamedState) -> Reaction:
-        """Move to d, to arrive at rate v."""
-        force, stiffness = self.spring.curve(d)
-        slid = self.bank.step(d, v, dt, state.sliders)
-        relaxed = self.relaxing.step(d, v, dt, state.relaxing)
-        carried = self.masses.step(d, v, dt, state.masses)
-        share = self.relaxation / self.D
+    def init(self) -> tuple[Array, Array]:
+        """Deflection and rate."""
+        return jnp.zeros(()), jnp.zeros(())
+
+    def step(self, d: Array, v: Array, dt: Array, state: tuple[Array, Array]) -> Reaction:
+        """The force at d and v; its work by Simpson's rule along the cubic that joins both ends."""
         one, none = jnp.ones_like(d), jnp.zeros_like(d)
-        yielding, bristles = self.yielding, self.bristles
-        # Of the state's own deflection: what settles a step has moved it.
-        moved = d - state.d
-        z, slope = jax.jvp(lambda by: yielding.onward(state.z, by), (moved,), (one,))
-        duhem = self.duhem
-        branch, leaning = jax.jvp(lambda by: duhem.onward(state.branch, by), (moved,), (one,))
-        mean = 0.5 * (state.v + v)
-        w, bent = jax.jvp(lambda by: bristles.onward(state.w, by, mean), (moved,), (one,))
-        _, faded = jax.jvp(lambda v: bristles.onward(state.w, moved, v), (mean,), (0.5 * one,))
-        drag, by_d = jax.jvp(self.damper, (d, v), (one, none))
-        _, by_v = jax.jvp(self.damper, (d, v), (none, one))
-        # Simpson's rule along the cubic that joins both ends.
-        middle = 1.5 * (d - state.d) / dt - 0.25 * (state.v + v)
-        half = 0.5 * (d + state.d) + 0.125 * dt * (state.v - v)
-        ends = ((state.d, state.v), (half, middle), (d, v))
-        power = [self.damper(*at) * at[1] for at in ends]
+        force, by_d = jax.jvp(self.force, (d, v), (one, none))
+        _, by_v = jax.jvp(self.force, (d, v), (none, one))
+        d_0, v_0 = state
+        middle = 1.5 * (d - d_0) / dt - 0.25 * (v_0 + v)
+        half = 0.5 * (d + d_0) + 0.125 * dt * (v_0 - v)
+        power = [self.force(*at) * at[1] for at in (state, (half, middle), (d, v))]
         lost = dt / 6.0 * (power[0] + 4.0 * power[1] + power[2])
-        return Reaction(
-            force
-            + drag
-            + slid.force
-            + jnp.sum(share * relaxed.force)
-            + jnp.sum(yielding.force * z)
-            + jnp.sum(bristles.force * w)
-            + carried.force
-            + duhem.force * branch,
-            stiffness
-            + by_d
-            + slid.stiffness
-            + jnp.sum(share * relaxed.stiffness)
-            + jnp.sum(yielding.force * slope)
-            + jnp.sum(bristles.force * bent)
-            + carried.stiffness
-            + duhem.force * leaning,
-            by_v
-            + jnp.sum(share * relaxed.damping)
-            + jnp.sum(bristles.force * faded)
-            + carried.damping,
-            UnnamedState(d, v, slid.state, relaxed.state, z, w, carried.state, branch),
-            lost
-            + slid.loss
-            + jnp.sum(share * relaxed.loss)
-            + yielding.lost(state.z, z, moved)
-            + bristles.lost(state.w, w, moved, mean)
-            + carried.loss
-            + duhem.lost(state.branch, branch, moved),
-        )
+        return Reaction(force, by_d, by_v, (d, v), lost)
 
     def settled(
-        self, state: UnnamedState, by: Array, faster: Array, stiffness: Array
-    ) -> UnnamedState:
-        """All follow a little further; relaxing springs, which forget, are left as they are."""
-        at = state.sliders
-        stretch = jnp.clip(at.stretch + by, -self.bank.phi, self.bank.phi)
-        z = self.yielding.onward(state.z, by)
-        w = self.bristles.onward(state.w, by, state.v)
-        sliders = at._replace(d=at.d + by, stretch=stretch)
-        masses = self.masses.settled(state.masses, state.d, state.v, by, faster)
-        branch = self.duhem.onward(state.branch, by)
-        ends = state.d + by, state.v + faster
-        return UnnamedState(*ends, sliders, state.relaxing, z, w, masses, branch)
+        self, state: tuple[Array, Array], by: Array, faster: Array, stiffness: Array
+    ) -> tuple[Array, Array]:
+        """Further, and faster."""
+        return state[0] + by, state[1] + faster
 
     def haste(self, dt: Array) -> Array:
-        """Of the fastest relaxing spring that has any strength."""
-        return jnp.max(jnp.where(self.relaxation > 0.0, dt / self.relaxing.c, 0.0))
+        """None of their own: it is what they resist that relaxes."""
+        return jnp.zeros_like(dt)
 
-    def energy(self, d: Array, state: UnnamedState) -> Array:
-        """Of the springs of all parts and of the masses in motion."""
-        relaxed = jnp.sum(self.relaxation / self.D * self.relaxing.energy(d, state.relaxing))
-        pulled = [
-            0.5 * jnp.sum(part.force * part.phi * share**2)
-            for part, share in ((self.yielding, state.z), (self.bristles, state.w))
-        ]
-        held = self.bank.energy(d, state.sliders)
-        others = self.masses.energy(state.masses) + self.duhem.energy(state.branch)
-        return self.spring.energy(d) + held + relaxed + sum(pulled) + others
+    def energy(self, d: Array, state: tuple[Array, Array]) -> Array:
+        """None."""
+        return jnp.zeros_like(d)
+
+
+class Sliders(AbstractDiscrete):
+    """A bank of sliders that follows where a step is settled.
+
+    Attributes
+    ----------
+    bank : SliderBank
+        Kinetic friction as static.
+    """
+
+    bank: SliderBank
+
+    def init(self) -> SliderState:
+        """All stick."""
+        return self.bank.init()
+
+    def step(self, d: Array, v: Array, dt: Array, state: SliderState) -> Reaction:
+        """Move to d."""
+        return self.bank.step(d, v, dt, state)
+
+    def settled(
+        self, state: SliderState, by: Array, faster: Array, stiffness: Array
+    ) -> SliderState:
+        """They follow a little further."""
+        stretch = jnp.clip(state.stretch + by, -self.bank.phi, self.bank.phi)
+        return state._replace(d=state.d + by, stretch=stretch)
+
+    def energy(self, d: Array, state: SliderState) -> Array:
+        """Of the springs."""
+        return self.bank.energy(d, state)
+
+
+class RelaxingSprings(AbstractDiscrete):
+    """Springs in series with dashpots; they forget, and are left as they are where all is settled.
+
+    Attributes
+    ----------
+    unit : Relaxing
+        Of unit stiffness.
+    stiffness : (times,) array
+        Force/length.
+    """
+
+    unit: Relaxing
+    stiffness: Array
+    rate_dependent: ClassVar[bool] = True
+
+    def init(self) -> RelaxingState:
+        """At rest."""
+        return self.unit.init()._replace(d=jnp.zeros(()))
+
+    def step(self, d: Array, v: Array, dt: Array, state: RelaxingState) -> Reaction:
+        """Move to d, to arrive at rate v."""
+        each = self.unit.step(d, v, dt, state)
+        sums = (
+            jnp.sum(self.stiffness * x)
+            for x in (each.force, each.stiffness, each.damping, each.loss)
+        )
+        force, stiffness, damping, loss = sums
+        return Reaction(force, stiffness, damping, each.state, loss)
+
+    def haste(self, dt: Array) -> Array:
+        """Of the fastest that has any strength."""
+        return jnp.max(jnp.where(self.stiffness > 0.0, dt / self.unit.c, 0.0))
+
+    def energy(self, d: Array, state: RelaxingState) -> Array:
+        """Of the springs."""
+        return jnp.sum(self.stiffness * self.unit.energy(d, state))
+
+
+class SideBySide(AbstractDiscrete):
+    """Elements that move alike and whose forces add up.
+
+    Attributes
+    ----------
+    elements : tuple of AbstractDiscrete
+        Each of one force.
+    """
+
+    elements: tuple[AbstractDiscrete, ...]
+    rate_dependent: ClassVar[bool] = True
+
+    def init(self) -> tuple[Any, ...]:
+        """At rest."""
+        return tuple(each.init() for each in self.elements)
+
+    def apart(self) -> tuple["SideBySide", Any]:
+        """Without inertia, and the one that has it."""
+        without, having = zip(*(each.apart() for each in self.elements), strict=True)
+        return SideBySide(without), next((each for each in having if each is not None), None)
+
+    def step(self, d: Array, v: Array, dt: Array, state: tuple[Any, ...]) -> Reaction:
+        """Move to d, to arrive at rate v."""
+        pairs = zip(self.elements, state, strict=True)
+        found = [each.step(d, v, dt, own) for each, own in pairs]
+
+        def total(of: str) -> Array:
+            return sum((getattr(each, of) for each in found), jnp.zeros_like(d))
+
+        after = tuple(each.state for each in found)
+        return Reaction(total("force"), total("stiffness"), total("damping"), after, total("loss"))
+
+    def settled(
+        self, state: tuple[Any, ...], by: Array, faster: Array, stiffness: Array
+    ) -> tuple[Any, ...]:
+        """All follow a little further, as far as they know how to."""
+        pairs = zip(self.elements, state, strict=True)
+        return tuple(each.settled(own, by, faster, stiffness) for each, own in pairs)
+
+    def haste(self, dt: Array) -> Array:
+        """Of the hastiest."""
+        return jnp.max(jnp.stack([jnp.zeros_like(dt), *(e.haste(dt) for e in self.elements)]))
+
+    def energy(self, d: Array, state: tuple[Any, ...]) -> Array:
+        """Of all."""
+        pairs = zip(self.elements, state, strict=True)
+        return sum((each.energy(d, own) for each, own in pairs), jnp.zeros_like(d))

@@ -1,6 +1,6 @@
 """Parts of the general law: a spring whose slope changes at knots, and springs that yield."""
 
-from typing import NamedTuple
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -8,13 +8,15 @@ import numpy as np
 from jaxtyping import Array
 
 from iwanjax.joints import duhem
+from iwanjax.joints.discrete import AbstractDiscrete, Reaction
+from iwanjax.joints.duhem import YieldedState
 from iwanjax.joints.unnamed_terms import INTERVALS, KNOTS, OUTSIDE
 
 CYCLE = 128
 """Steps that losses of a cycle are summed over: exact for powers of the rate to 1e-4."""
 
 
-class SplineSpring(NamedTuple):
+class SplineSpring(AbstractDiscrete):
     """Polynomials of the spring between its knots, in d/D.
 
     Attributes
@@ -46,7 +48,17 @@ class SplineSpring(NamedTuple):
         force = f + t * (s + t * (m / 2.0 + q * t / 6.0))
         return force + slope * beyond, slope / self.D
 
-    def energy(self, d: Array) -> Array:
+    def init(self) -> tuple[()]:
+        """Nothing."""
+        return ()
+
+    def step(self, d: Array, v: Array, dt: Array, state: tuple[()]) -> Reaction:
+        """The curve at d."""
+        force, stiffness = self.curve(d)
+        none = jnp.zeros_like(force)
+        return Reaction(force, stiffness, none, (), none)
+
+    def energy(self, d: Array, state: tuple[()]) -> Array:
         """Stored, force x length."""
         t, (e, f, s, m, q), beyond = self._at(d)
         stored = e + t * (f + t * (s / 2.0 + t * (m / 6.0 + q * t / 24.0)))
@@ -55,7 +67,7 @@ class SplineSpring(NamedTuple):
         return self.D * (stored + beyond * (force + 0.5 * slope * beyond))
 
 
-class YieldingSprings(NamedTuple):
+class YieldingSprings(AbstractDiscrete):
     """Bouc and Wen's springs with the exponent 2, z the force over that at the slip.
 
     Attributes
@@ -89,6 +101,33 @@ class YieldingSprings(NamedTuple):
         work = u + jnp.log(0.5 * (1.0 + begin) + 0.5 * (1.0 - begin) * jnp.exp(-2.0 * u))
         lost = jnp.maximum(work - 0.5 * (end - begin) * (end + begin), 0.0)
         return jnp.sum(self.force * self.phi * lost, axis=-1)
+
+    def init(self) -> YieldedState:
+        """At rest."""
+        return YieldedState.none(self.force)
+
+    def step(self, d: Array, v: Array, dt: Array, state: YieldedState) -> Reaction:
+        """Move to d, to arrive at rate v."""
+        # Of the state's own deflection: what settles a step has moved it.
+        moved, begun = d - state.d, state.share
+        z, slope = jax.jvp(lambda by: self.onward(begun, by), (moved,), (jnp.ones_like(d),))
+        return Reaction(
+            jnp.sum(self.force * z),
+            jnp.sum(self.force * slope),
+            jnp.zeros_like(d),
+            YieldedState(d, v, z),
+            self.lost(begun, z, moved),
+        )
+
+    def settled(
+        self, state: YieldedState, by: Array, faster: Array, stiffness: Array
+    ) -> YieldedState:
+        """They follow a little further."""
+        return YieldedState(state.d + by, state.v + faster, self.onward(state.share, by))
+
+    def energy(self, d: Array, state: YieldedState) -> Array:
+        """Of the springs."""
+        return 0.5 * jnp.sum(self.force * self.phi * state.share**2)
 
     def curve(self, d: Array) -> tuple[Array, Array]:
         """Virgin force and tangent."""
@@ -124,7 +163,7 @@ class YieldingSprings(NamedTuple):
         return jnp.sum(self.force * z, axis=-1)
 
 
-class Bristles(NamedTuple):
+class Bristles(AbstractDiscrete):
     r"""Springs that yield gradually either way, w the force over that at the slip.
 
     .. math:: \phi\dot w = v - |v|\,w/g, \qquad g = \frac{1 + 2e^{-(av)^2}}{3}
@@ -146,6 +185,40 @@ class Bristles(NamedTuple):
     force: Array
     phi: Array
     a: Array
+    rate_dependent: ClassVar[bool] = True
+
+    def init(self) -> YieldedState:
+        """At rest."""
+        return YieldedState.none(self.force)
+
+    def step(self, d: Array, v: Array, dt: Array, state: YieldedState) -> Reaction:
+        """Move to d, to arrive at rate v."""
+        moved, mean, begun = d - state.d, 0.5 * (state.v + v), state.share
+        one = jnp.ones_like(d)
+        w, bent = jax.jvp(lambda by: self.onward(begun, by, mean), (moved,), (one,))
+        _, faded = jax.jvp(lambda v: self.onward(begun, moved, v), (mean,), (0.5 * one,))
+        return Reaction(
+            jnp.sum(self.force * w),
+            jnp.sum(self.force * bent),
+            jnp.sum(self.force * faded),
+            YieldedState(d, v, w),
+            self.lost(begun, w, moved, mean),
+        )
+
+    def settled(
+        self, state: YieldedState, by: Array, faster: Array, stiffness: Array
+    ) -> YieldedState:
+        """They follow a little further."""
+        after = self.onward(state.share, by, state.v)
+        return YieldedState(state.d + by, state.v + faster, after)
+
+    def haste(self, dt: Array) -> Array:
+        """None: a rate only weakens them."""
+        return jnp.zeros_like(dt)
+
+    def energy(self, d: Array, state: YieldedState) -> Array:
+        """Of the springs."""
+        return 0.5 * jnp.sum(self.force * self.phi * state.share**2)
 
     def limit(self, v: Array) -> Array:
         """Of steady slip, over that of a slow one."""

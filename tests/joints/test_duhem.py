@@ -94,7 +94,7 @@ def test_by_default_it_is_bouc_and_wens():
 @pytest.mark.parametrize("reach", [0.02, 0.3, 1.0, 4.0])
 def test_a_steady_cycle(f, reach):
     law, d = along(f), reach * 0.25 * D
-    element, onward = law.discrete().duhem, jax.jit(law.discrete().duhem.onward)
+    element, onward = law.duhem, eqx.filter_jit(law.duhem.onward)
     w = jnp.zeros(())
     for turn in range(600):
         w = onward(w, jnp.asarray((-1.0) ** turn * 2.0 * d))
@@ -113,14 +113,18 @@ def test_a_steady_cycle(f, reach):
 def test_the_tip_stiffness_is_that_of_a_slow_decay(reach):
     """Work of a branch of the length 2d, of turns that come closer each time."""
     law = along(pinched)
-    d, shrunk, element = reach * 0.25 * D, 1e-5 * D, law.discrete().duhem
+    d, shrunk, element = reach * 0.25 * D, 1e-5 * D, law.duhem
     lengths = 2.0 * d + 2.0 * shrunk * np.arange(400, -1, -1)
-    w, onward, way = -law.loading(lengths[0] / 2.0, lengths[0] / 2.0), jax.jit(element.onward), 1.0
+    w, onward, way = (
+        -law.loading(lengths[0] / 2.0, lengths[0] / 2.0),
+        eqx.filter_jit(element.onward),
+        1.0,
+    )
     for length in lengths[:-1]:
         w, way = onward(w, jnp.asarray(way * length)), -way
     moved = jnp.asarray(way * 2.0 * d)
     after = onward(w, moved)
-    work = float(element.lost(w, after, moved) + element.energy(after) - element.energy(w))
+    work = float(element.lost(w, after, moved) + element.stored(after) - element.stored(w))
     found = (float(law.dissipation(d)) / 2.0 - work) / (d * shrunk)
     assert found == pytest.approx(float(law.tip_stiffness(d)), rel=0.02)
 
@@ -141,15 +145,15 @@ def test_no_path_feeds_energy(seed, reach):
     back, held = random.normal(size=SIDE.size), np.abs(random.normal(size=SIDE.size - 1))
     law = UnnamedLaw(STRENGTH, D, V, T, np.concatenate([back, held]))
     path = np.concatenate([[0.0], reach * D * random.normal(size=30), [0.0]])
-    element = law.discrete().duhem
+    element = law.duhem
 
     w = jnp.zeros(())
     for moved in np.diff(path):
-        stored = element.energy(w)
+        stored = element.stored(w)
         w, lost, work = moved_by(element, w, jnp.asarray(moved))
         assert float(lost) >= 0.0
         assert abs(float(w)) <= 1.0
-        rest = float(work - lost - element.energy(w) + stored)
+        rest = float(work - lost - element.stored(w) + stored)
         assert abs(rest) < 1e-3 * abs(moved)
 
 
@@ -162,7 +166,7 @@ def test_slopes_of_the_branch_are_those_of_differences():
     law, path = along(pinched), np.array([0.0, 0.6, -0.5, 0.1, 0.9, -0.3]) * D
 
     def last(branch):
-        element = law.with_branch(branch).discrete().duhem
+        element = law.with_branch(branch).duhem
         w = jnp.zeros(())
         for moved in np.diff(path):
             w = element.onward(w, jnp.asarray(moved))

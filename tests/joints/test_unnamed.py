@@ -79,9 +79,9 @@ def test_powers_of_the_motion_go_on_to_twice_the_largest_and_straight_from_there
     size, still = np.minimum(np.abs(x), 2.0), 0.0 * x
     for name, power in (("quadratic_damper", 2), ("cubic_damper", 3)):
         drag = size**power + power * size ** (power - 1) * (np.abs(x) - size)
-        found = named(**{name: 5.0}).discrete().damper(still, V * x)
+        found = named(**{name: 5.0}).dampers.force(still, V * x)
         np.testing.assert_allclose(found, 5.0 * np.sign(x) * drag, rtol=1e-12)
-    found = named(damper_of_large_deflections=5.0).discrete().damper(D * x, V * np.ones(x.size))
+    found = named(damper_of_large_deflections=5.0).dampers.force(D * x, V * np.ones(x.size))
     np.testing.assert_allclose(found, 5.0 * inside**2, rtol=1e-12)
 
 
@@ -163,7 +163,7 @@ def test_masses_follow_their_equations(which, pace):
     expected = (a, (d / D) ** 2 * a + d * v**2 / D**2)[which]
     size = np.max(np.abs(expected))
     np.testing.assert_allclose(force, expected, atol=2e-3 * size)
-    known = law.discrete().masses.force(d, v, a)
+    known = law.masses.force(d, v, a)
     np.testing.assert_allclose(known, expected, atol=1e-12 * size)
     assert float(jnp.sum(loss)) < 2e-3 * size * D
     assert float(law.dissipation(0.7 * D)) == 0.0
@@ -199,7 +199,7 @@ def dampers():
     blank = UnnamedLaw.blank(D, V, T)
     damper = range(PARTS["damper"].start, PARTS["damper"].stop)
     unit = jax.vmap(
-        lambda s: blank.with_strengths(s).discrete().damper(jnp.zeros(u.size), jnp.asarray(V * u))
+        lambda s: blank.with_strengths(s).dampers.force(jnp.zeros(u.size), jnp.asarray(V * u))
     )(jnp.eye(len(TERMS))[jnp.array(damper)])
     return u, np.asarray(unit).T
 
@@ -229,6 +229,35 @@ def moved_along(element, d, v, dt):
         return found.state, (found.force, found.loss, element.energy(ends[0], found.state))
 
     return jax.lax.scan(advance, element.init(), (d, v))[1]
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        ("spring",),
+        ("spring", "relaxation", "inertia"),
+        ("damper", "sliders", "duhem"),
+        ("yielding", "bristles", "resonance"),
+    ],
+)
+def test_parts_without_strength_are_left_out_and_are_none_where_they_are_not(parts):
+    """Under a transformation nobody knows which are zero, and all of them move."""
+    strengths = np.ones(len(TERMS))
+    law = UnnamedLaw(strengths, D, V, T).alone(*parts)
+    assert len(law.discrete().elements) == len({"spring", *parts})
+    t = np.linspace(0.0, 3.0 * T, 301)
+    d = D * np.sin(2 * np.pi * t / T) * (1.0 - np.exp(-((3 * t / T) ** 2)))
+    motion = jnp.asarray(d), jnp.gradient(jnp.asarray(d), t[1]), jnp.asarray(t[1])
+
+    @jax.jit
+    def whole(strengths):
+        element = law.with_strengths(strengths).discrete()
+        assert len(element.elements) == 8
+        return moved_along(element, *motion)
+
+    all_of = whole(jnp.stack(law.strengths))
+    for found, known in zip(moved_along(law.discrete(), *motion), all_of, strict=True):
+        np.testing.assert_allclose(found, known, atol=1e-12 * np.max(np.abs(known)))
 
 
 @settings(max_examples=20, deadline=None)

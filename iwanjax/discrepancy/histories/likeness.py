@@ -94,7 +94,7 @@ def _size(force: np.ndarray) -> float:
 
 def _fading(law: UnnamedLaw) -> float:
     """By how much less the bristles hold at the largest rate than at little of it."""
-    bristles = law.discrete().bristles
+    bristles = law.bristles
     slow, fast = (
         float(jnp.sum(bristles.force * bristles.limit(share * law.rate)))
         for share in (settings().judgement.neighbour, 1.0)
@@ -114,7 +114,7 @@ def _loses(law: UnnamedLaw, reach: float) -> bool:
 
 def _pinched(law: UnnamedLaw) -> bool:
     """Whether a branch that grows away from zero stiffens again, as where something closes."""
-    f = np.asarray(law.discrete().duhem.f)
+    f = np.asarray(law.duhem.f)
     onward = f[f.size // 2 :]
     least = np.minimum.accumulate(onward)
     return bool(np.any(onward > (1.0 + settings().judgement.neighbour) * least))

@@ -127,7 +127,7 @@ def test_pinched_hysteresis_yields_along_a_curve_of_its_own():
     assert found.after.hold_out < 1.3 * found.noise_floor.hold_out
     assert found.before.hold_out > 20.0 * found.noise_floor.hold_out
     assert found.unnamed.description == "rate-independent hysteresis, pinched"
-    duhem = found.unnamed.law.discrete().duhem
+    duhem = found.unnamed.law.duhem
     assert float(duhem.force) == pytest.approx(K_PINCHED * SLIP, rel=0.02)
     # How fast the force grows with the deflection, wherever it does; by the noise, and neighbours
     # that make up for each other, single nodes were up to 0.16 off.
