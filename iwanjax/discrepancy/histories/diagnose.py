@@ -215,6 +215,13 @@ def diagnose_histories(
     if beyond is not None:
         verdict, after, shown = beyond.verdict, beyond.after, beyond.entry
         what = beyond.among(what)
+    if beyond is not None or sides.left_by_steps > 0.0:
+        sides = attempted(
+            "comparing numbers of steps",
+            lambda: resolution.of_verdict(sides, shown),
+            sides,
+            failures,
+        )
     differing: tuple[Observable, ...] = ()
     restoring = None
     if verdict.detected and scope.in_time():

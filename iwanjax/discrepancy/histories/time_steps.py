@@ -192,10 +192,28 @@ class StepRefinement:
         more = now.problem.predictor.substeps < known.most and left > known.more_than_noise
         return self._of(now, best) if more else now
 
+    def of_verdict(self, sides: StudyData, shown: RankedFit) -> StudyData:
+        """What steps leave of the model that a verdict is on, whatever they leave of others.
+
+        A suspect that is far from the truth may want many more than the law that takes its place.
+        """
+        problem, fitted = shown.problem, shown.fitted
+        finer = self._compared(problem, 2 * problem.predictor.substeps)
+        seen = of_own_motion(problem, finer, fitted.hypothesis, fitted.theta, self._same)
+        left = 1.0 / (1.0 - 0.5**self.settings.steps.order)
+        return replace(sides, left_by_steps=left * seen.change if left * seen.ratio > 1.0 else 0.0)
+
+    @property
+    def _same(self) -> Mapping[float, float]:
+        """Differences by finer steps that are none, by the observer's memory."""
+        return {
+            TIME_CONSTANT: self.settings.steps.same,
+            math.inf: self.settings.steps.same_free,
+        }
+
     def _of(self, now: Refined, best: RankedFit) -> Refined:
-        fitted, known = best.fitted, self.settings.steps
-        same = {TIME_CONSTANT: known.same, math.inf: known.same_free}
-        return self._finer(now, best.problem, fitted.hypothesis, fitted.theta, same)
+        fitted = best.fitted
+        return self._finer(now, best.problem, fitted.hypothesis, fitted.theta, self._same)
 
     def _finer(
         self,

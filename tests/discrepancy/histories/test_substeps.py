@@ -89,6 +89,25 @@ def test_what_the_most_steps_leave_is_told(coarse):
     assert not any("time integration" in line for line in enough.sides.warnings())
 
 
+def test_a_verdict_tells_what_steps_leave_of_its_own_model(coarse):
+    """Neither what they left of another one, nor less than they leave of this one."""
+
+    def told(taken, left):
+        now = taken.of_model().leaving(left)
+        start = Start(now.problem.nothing(), np.zeros(6))
+        shown = RankedFit(now.problem, multistart(now.problem, [start], TIME_CONSTANT, 0)[0])
+        return taken.of_verdict(now.sides, shown)
+
+    enough = told(resolution(struck(lambda d: 0.0)), 2e3)
+    assert enough.left_by_steps == 0.0
+    assert not any("time integration" in line for line in enough.warnings())
+    known = coarse.of_model()
+    exact = coarse.with_substeps(MANY).problem
+    # It is foreseen for the half that is off most, and for errors that fall slowly.
+    free = off(known.problem, exact, math.inf)
+    assert free < told(coarse, 2e3).left_by_steps < 3.0 * free
+
+
 def test_what_steps_leave_is_known_without_more_of_them():
     """A joint that slips, the model's own motion: as the residuals of both numbers of steps say."""
     taken = resolution(struck(lambda d: 0.0), replace(JOINT, F_S=1e3))
