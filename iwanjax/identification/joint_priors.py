@@ -113,10 +113,10 @@ class FreeLaw(Joint):
     def at(self, z: Array) -> UnnamedLaw:
         """The law of these strengths."""
         assert isinstance(self.given, UnnamedLaw)
-        shape = z[self.terms.size :]
+        free, shape = jnp.split(z, [self.terms.size])
         resonance, branch = shape[: RESONANCE.size], shape[RESONANCE.size :]
         # Terms that are not fitted are numbers, whatever JAX does with z.
-        strengths = dict(zip(self.free, self._strengths(z), strict=True))
+        strengths = dict(zip(self.free, self.loose[self.terms] * free, strict=True))
         found = self.given.with_strengths(tuple(strengths.get(i, 0.0) for i in range(len(TERMS))))
         found = found.with_resonance(RESONANCE + _ANYTHING * resonance)
         return found.with_branch(FIRST_BRANCH + branch) if self.duhem else found
@@ -128,13 +128,6 @@ class FreeLaw(Joint):
         shapes = [(np.stack(law.resonance) - RESONANCE) / _ANYTHING]
         shapes += [np.stack(law.branch) - FIRST_BRANCH] if self.duhem else []
         return np.concatenate([strengths, *shapes])
-
-    def spread(self, z: Array) -> Array:
-        """Strengths of all terms, force."""
-        return jnp.zeros(len(TERMS)).at[self.terms].set(self._strengths(z))
-
-    def _strengths(self, z: Array) -> Array:
-        return self.loose[self.terms] * z[: self.terms.size]
 
 
 def located(joint: Joint, values: Mapping[str, float]) -> np.ndarray:

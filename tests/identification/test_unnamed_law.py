@@ -72,8 +72,8 @@ def test_a_part_begins_as_strong_as_it_is_known_to_be(pair):
     loose = np.asarray(joint.loose)
     assert loose[PARTS["damper"]] == pytest.approx(100.0 * usual)
     assert loose[PARTS["spring"]] == pytest.approx(usual)
-    own = start.theta[made.parameters :][: joint.terms.size]
-    np.testing.assert_allclose(joint.spread(own), strengths)
+    own = start.theta[made.parameters :][: joint.count]
+    np.testing.assert_allclose(joint.at(own).strengths, strengths)
 
 
 def test_an_oscillator_is_where_a_law_that_resonates_begins():

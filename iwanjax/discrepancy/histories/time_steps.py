@@ -200,8 +200,13 @@ class StepRefinement:
         problem, fitted = shown.problem, shown.fitted
         finer = self._compared(problem, 2 * problem.predictor.substeps)
         seen = of_own_motion(problem, finer, fitted.hypothesis, fitted.theta, self._same)
-        left = 1.0 / (1.0 - 0.5**self.settings.steps.order)
+        left = self._left
         return replace(sides, left_by_steps=left * seen.change if left * seen.ratio > 1.0 else 0.0)
+
+    @property
+    def _left(self) -> float:
+        """What steps leave over what twice as many change."""
+        return 1.0 / (1.0 - 0.5**self.settings.steps.order)
 
     @property
     def _same(self) -> Mapping[float, float]:
@@ -232,7 +237,7 @@ class StepRefinement:
         for errors that fall with the power p of the step, and for all that fall faster.
         """
         steps, known = now.problem.predictor.substeps, self.settings.steps
-        left = 1.0 / (1.0 - 0.5**known.order)
+        left = self._left
         finer = self._compared(problem, 2 * steps)
         seen = of_own_motion(problem, finer, hypothesis, theta, same)
         if left * seen.ratio <= 1.0:
