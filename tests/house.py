@@ -36,7 +36,7 @@ MODULES = {
     "discrepancy": 32,
     "dynamics": 16,
     "estimation": 13,
-    "identification": 36,
+    "identification": 37,
     "files": 6,
     "modal_analysis": 5,
     "plotting": 21,

@@ -33,11 +33,11 @@ from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
     multistart,
-    sifted,
 )
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
-from iwanjax.joints import AttachedOscillator, PlaceMotion, UnnamedLaw
+from iwanjax.identification.receptance import nearest_oscillators
+from iwanjax.joints import PlaceMotion, UnnamedLaw
 from iwanjax.joints.unnamed_terms import (
     BANKS,
     ELASTIC,
@@ -352,7 +352,7 @@ def resonating(
 
     No law of the place's own motion looks like something that moves by itself: from those no search
     ends in a resonance. Of oscillators over the band of the modes, light and heavy, those that
-    leave least as they are are fitted with the shortest memory.
+    leave least as they are, by the receptances of the place, are fitted with the shortest memory.
 
     Parameters
     ----------
@@ -367,11 +367,9 @@ def resonating(
     in_time : function
         False when it is time to stop.
     """
-    oscillators = AttachedOscillator.begun(place.scales)
-    guesses = [LawStart(each, z) for z in beside for each in oscillators]
-    own, starts = with_law(problem, UnnamedKind(), place, guesses)
-    near = sifted(own, starts).starts
-    fits = multistart(own, near, SHORT_TIME_CONSTANT, steps, in_time=in_time)
+    near = nearest_oscillators(problem, place, beside, SHORT_TIME_CONSTANT)
+    own, starts = with_law(problem, UnnamedKind(), place, near)
+    fits = multistart(own, starts, SHORT_TIME_CONSTANT, steps, in_time=in_time)
     z = min(fits, key=lambda each: each.cost).theta.mean(axis=0)[: own.parameters]
     found = joints_of(own.joints, jax.device_put(z))[-1]
     m, k, c = (float(getattr(found, info.name)) for info in found.parameters)

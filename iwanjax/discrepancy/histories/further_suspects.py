@@ -49,7 +49,9 @@ from iwanjax.identification.multistart import (
 )
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start, Variant
+from iwanjax.identification.receptance import nearest_oscillators
 from iwanjax.identification.unnamed_law import force_in
+from iwanjax.joints import AttachedOscillator
 from iwanjax.joints.motion_only import AbstractMotionOnly
 from iwanjax.settings.stages import settings
 
@@ -194,11 +196,12 @@ def further_laws(
         made = []
         here, fitted = sought_at(kind, places, near, most, rounds)
         for place in here if scope.in_time() else ():
-            guesses = kind.law.begun(place.scales, **dict(kind.held))
-            starts = [
-                *begun_from(kind, place, entries[:most], problem),
-                *(hypotheses.LawStart(law, z) for z in beside for law in guesses),
-            ]
+            starts = [*begun_from(kind, place, entries[:most], problem)]
+            if issubclass(kind.law, AttachedOscillator):
+                starts += nearest_oscillators(problem, place, beside, SHORT_TIME_CONSTANT)
+            else:
+                laws = kind.law.begun(place.scales, **dict(kind.held))
+                starts += [hypotheses.LawStart(law, z) for z in beside for law in laws]
             made.append(sifted(*hypotheses.with_law(problem, kind, place, starts)))
         of_kinds.append(sorted(made, key=lambda each: each.left)[:fitted])
     # Shorter, or none, where the time is over.
