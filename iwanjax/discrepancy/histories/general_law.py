@@ -101,8 +101,8 @@ def general_law(
     laws there at once, are tried for a few steps: from the joints of the nominal fit and as given,
     from what the best named force there does, for from no force there may be no way to a large one,
     and where that is no name from an attached oscillator. The best is gone on with, as it is or
-    with a spring that yields along a curve in place of other hysteresis; the others as well where
-    it leaves much more than noise.
+    with a spring that yields along a curve in place of other hysteresis; where it leaves more than
+    noise the next one is as well.
 
     Parameters
     ----------
@@ -130,11 +130,14 @@ def general_law(
         if tried and (enough or not scope.in_time()):
             break
         tried.append(_begun_at(place, problem, nominal, entries, scope))
-    first, *others = sorted((each for each, _ in tried), key=lambda each: each.fitted.cost)
-    ended = [_best_way(first, problem, nominal, scope)]
-    if ended[0].fitted.cost > far:
-        others = [each.onward((SHORT_TIME_CONSTANT,), STEPS, scope.in_time) for each in others]
-    ended += others
+    begun, ended = sorted((each for each, _ in tried), key=lambda each: each.fitted.cost), []
+    enough = problem.settings.selection.misfit * left_by_noise(problem, TIME_CONSTANT)
+    for each in begun:
+        # A few steps from where they begin costs differ by chance, unless one explains it all.
+        ended.append(_best_way(each, problem, nominal, scope))
+        if ended[-1].lasting < enough or not scope.in_time():
+            break
+    ended = [*(way.fit for way in ended), *begun[len(ended) :]]
     odds, coarse = _odds(ended), any(stopped for _, stopped in tried)
     best, known = int(np.argmax(odds)), frozenset(each.place.label for each, _ in tried)
     return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]), coarse, known)
@@ -186,9 +189,21 @@ def _begun_at(
     return found if found.gains_on(linear) else linear, stopped
 
 
+class _Way(NamedTuple):
+    """A law at a place with the shortest memory, and the cost that it goes on to with the next."""
+
+    fit: UnnamedFit
+    lasting: float
+
+    @classmethod
+    def of(cls, found: UnnamedFit, scope: Scope) -> "_Way":
+        """A few steps on."""
+        return cls(found, found.onward((TIME_CONSTANT,), STEPS, scope.in_time).fitted.cost)
+
+
 def _best_way(
     first: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit, scope: Scope
-) -> UnnamedFit:
+) -> _Way:
     """Gone on with as it is, or with a spring that yields along a curve: what lasts.
 
     With a short memory of the observer either comes near to what the other does. Where hysteresis
@@ -202,15 +217,14 @@ def _best_way(
     else:
         found = _gone_on_with(first, scope)
         if found.joint.free != LINEAR and not _done_by_hysteresis(found, problem, nominal):
-            return found
+            return _Way.of(found, scope)
         ways = itertools.chain([found], curves)
-    noise, tried = left_by_noise(problem, TIME_CONSTANT), []
+    noise, tried = left_by_noise(problem, TIME_CONSTANT), list[_Way]()
     for each in ways:
-        lasting = each.onward((TIME_CONSTANT,), STEPS, scope.in_time).fitted.cost
-        if lasting < (1.0 + MODEL_ERROR_ALLOWANCE) * noise:
-            return each
-        tried.append((lasting, each))
-    return min(tried, key=lambda each: each[0])[1]
+        tried.append(_Way.of(each, scope))
+        if tried[-1].lasting < (1.0 + MODEL_ERROR_ALLOWANCE) * noise:
+            break
+    return min(tried, key=lambda way: way.lasting)
 
 
 def _done_by_hysteresis(found: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit) -> bool:

@@ -79,11 +79,11 @@ def law(monkeypatch):
         in_time=lambda: True, progress=lambda line: None, kinds=(), places=EVERY
     )
 
-    def found(left, entries, likely, further=()):
+    def found(left, entries, likely, further=(), fit=Fit):
         def fitted(problem, kind, place, starts, *known, **options):
             # First with few terms, then with more.
             seen.extend(set(place.label) - set(seen))
-            return Fit(problem, place, NOISE * left[place.label])
+            return fit(problem, place, NOISE * left[place.label])
 
         monkeypatch.setattr(module, "fit_unnamed_law", fitted)
         return module.general_law(problem, nominal, entries, likely, scope, further)
@@ -117,6 +117,34 @@ def test_a_law_is_tried_where_the_best_name_is_and_where_something_acts(
     assert found.fit.place.label == best
     assert found.probability > 0.99
     assert found.tried == set(tried)
+
+
+@pytest.mark.parametrize(
+    ("ends", "gone_on_with", "best"),
+    [
+        # What it lacked were a few steps more.
+        ({"a": 1.1, "b": 1.0, "c": 1.0}, "a", "a"),
+        # It explains no more, and the next one all.
+        ({"a": 1.39, "b": 1.1, "c": 1.0}, "ab", "b"),
+        # None does.
+        ({"a": 1.38, "b": 1.4, "c": 1.3}, "abc", "c"),
+    ],
+)
+def test_the_next_place_is_gone_on_with_where_the_first_one_explains_too_little(
+    law, ends, gone_on_with, best
+):
+    """After a few steps the law at a leaves 1.4 times the noise, and more at the others."""
+    general, _ = law
+    gone = []
+
+    class Begun(Fit):
+        def onward(self, *known):
+            gone.append(self.place.label)
+            return Fit(self.problem, self.place, NOISE * ends[self.place.label])
+
+    found = general({"a": 1.40, "b": 1.41, "c": 1.42}, [], [A, B, C], fit=Begun)
+    assert "".join(gone) == gone_on_with
+    assert found.fit.place.label == best
 
 
 def test_of_two_laws_the_better_one_is_of_all_the_places_that_were_tried(law):
