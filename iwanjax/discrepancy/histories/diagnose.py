@@ -334,8 +334,8 @@ def _polished(
         table = table._replace(general=None)
         if finer.problem.predictor.substeps < most and scope.in_time():
             finer = resolution.with_substeps(most)
-    if finer is now:
-        return now, table
+    if finer.problem is now.problem:
+        return finer, table
     scope.progress("polishing again, with finer steps")
     return finer, selection.concluded(table, finer.problem, scope)
 

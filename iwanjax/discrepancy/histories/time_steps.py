@@ -234,7 +234,8 @@ class StepRefinement:
 
         .. math:: \frac{(k/k')^p}{1-2^{-p}}\, \delta, \qquad k' \geq k
 
-        for errors that fall with the power p of the step, and for all that fall faster.
+        for errors that fall with the power p of the step, and for all that fall faster. What does
+        not fall at all is none of the steps: such a model is unstable, and stays so.
         """
         steps, known = now.problem.predictor.substeps, self.settings.steps
         left = self._left
@@ -244,8 +245,12 @@ class StepRefinement:
             return now
         if steps >= known.most:
             return now.leaving(left * seen.change)
+        before = math.inf
         while True:
             seen = changed(problem, finer, hypothesis, theta, same)
+            if seen.ratio >= before:
+                return now.leaving(left * seen.change)
+            before = seen.ratio
             enough = max(steps, math.ceil(steps * (left * seen.ratio) ** (1.0 / known.order)))
             # A finer pair tells it more sharply, where errors fall faster than that.
             if enough <= 2 * steps or 2 * steps >= known.most:

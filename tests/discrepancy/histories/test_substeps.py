@@ -8,13 +8,14 @@ import pytest
 import scipy.linalg
 from struck_mass import JOINT, RATE, N, resolution, struck
 
+from iwanjax.discrepancy.histories import time_steps
 from iwanjax.discrepancy.histories.ranking import TIME_CONSTANT, RankedFit
 from iwanjax.discrepancy.histories.time_steps import StepRefinement
 from iwanjax.errors import InputError
 from iwanjax.identification.linearise import innovations, residuals_at
 from iwanjax.identification.multistart import multistart
 from iwanjax.identification.problem import HistoryProblem, Start
-from iwanjax.identification.step_errors import changed, of_own_motion
+from iwanjax.identification.step_errors import Change, changed, of_own_motion
 
 MANY = 32
 # A joint that slips, and a mode that turns by 1.4 radians from sample to sample.
@@ -106,6 +107,22 @@ def test_a_verdict_tells_what_steps_leave_of_its_own_model(coarse):
     # It is foreseen for the half that is off most, and for errors that fall slowly.
     free = off(known.problem, exact, math.inf)
     assert free < told(coarse, 2e3).left_by_steps < 3.0 * free
+
+
+def test_no_finer_steps_are_taken_where_they_change_more_and_more(coarse, monkeypatch):
+    """As of a model that is unstable; where changes fall the most that may be taken are."""
+    seen = []
+
+    def more_and_more(problem, *others):
+        seen.append(problem.predictor.substeps)
+        return Change(1e3 * 2.0 ** len(seen), 1e3 * 2.0 ** len(seen))
+
+    assert coarse.of_model().problem.predictor.substeps == coarse.settings.steps.most
+    monkeypatch.setattr(time_steps, "changed", more_and_more)
+    found = coarse.of_model()
+    assert seen == [2, 4]
+    assert found.problem.predictor.substeps == 2
+    assert found.sides.left_by_steps > 1e3
 
 
 def test_what_steps_leave_is_known_without_more_of_them():
