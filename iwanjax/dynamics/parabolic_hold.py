@@ -5,8 +5,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 
 class Hold(NamedTuple):
@@ -43,6 +44,19 @@ def on(coefficient: Array, x: Array) -> Array:
     if coefficient.ndim == 2:
         return coefficient @ x
     return (coefficient * x.T).T
+
+
+def slope_at_end(now: Any, last: Any, before: Any, dt: Any) -> Any:
+    """How fast a force changes at the end of a step, by its values there and at the last two."""
+    return (1.5 * now - 2.0 * last + 0.5 * before) / dt
+
+
+def slopes_at_ends(
+    force: Float[Array, "N substeps forces"], dt: Array
+) -> Float[Array, "N substeps forces"]:
+    """The same at the end of each step from rest on."""
+    whole = jnp.pad(force.reshape(-1, force.shape[-1]), [(2, 0), (0, 0)])
+    return slope_at_end(whole[2:], whole[1:-1], whole[:-2], dt).reshape(force.shape)
 
 
 MOST = 16.0

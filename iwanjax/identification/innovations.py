@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from iwanjax.dynamics.balance import Joints
-from iwanjax.dynamics.parabolic_hold import on
+from iwanjax.dynamics.parabolic_hold import on, slope_at_end, slopes_at_ends
 from iwanjax.effects.kinds import ForceKind
 from iwanjax.identification.predictor import Data, Predictor
 from iwanjax.identification.suspects import Suspects, Values, sizes_of
@@ -214,10 +214,8 @@ class _Run(NamedTuple):
                 jnp.concatenate([q_v, v_v, *v_from, v_on], axis=1),
             ]
         )
-        one, nil = jnp.eye(m), jnp.zeros((m, m))
-        expected = jnp.concatenate(
-            [jnp.zeros((m, 2 * kept)), 3.0 * one, -3.0 * one, one, nil], axis=1
-        )
+        last, before, third, _ = jnp.eye(2 * kept + 4 * m)[2 * kept :].reshape(4, m, -1)
+        expected = 3.0 * (last - before) + third
         watch = jnp.concatenate(
             [
                 jnp.concatenate([rows, none], axis=1),
@@ -225,25 +223,29 @@ class _Run(NamedTuple):
                 jnp.concatenate([-new * predictor.omega2, -on(predictor.C.T, new.T).T], axis=1),
             ]
         )
-        yielding = left * predictor.left.flexibility
-        flexibility = yielding @ left.T
-        inertance = new @ rows.T
-        at_once = jnp.concatenate([flexibility, nil, inertance]) @ expected
-        size = sizes_of(suspects, values.suspects)
-        shape = jnp.exp(jnp.clip(values.suspects[:, 1], -80.0, 80.0))
-        compliance, mobility, n = rows @ q_late + flexibility, rows @ v_late, len(joints)
         inertial, viscous = (
-            np.array([float(getattr(kind.law, how)) for kind in predictor.kinds])
+            suspects.force @ np.array([float(getattr(kind.law, how)) for kind in predictor.kinds])
             for how in ("inertial", "viscous")
         )
+        n, yielding = len(joints), left * predictor.left.flexibility
+        flexibility, inertance = yielding @ left.T, new @ rows.T
+        # Modes left out move as fast as forces change. How fast those do that follow from rates,
+        # and are corrected as if they did not, is not told: they would chase themselves.
+        rate = flexibility * jnp.concatenate([jnp.ones(n), viscous != 0.0])
+        speed = rate @ slope_at_end(expected, last, before, predictor.dt)
+        at_once = jnp.concatenate([flexibility @ expected, speed, inertance @ expected])
+        size = sizes_of(suspects, values.suspects)
+        shape = jnp.exp(jnp.clip(values.suspects[:, 1], -80.0, 80.0))
+        compliance = rows @ q_late + flexibility
+        mobility = rows @ v_late + slope_at_end(rate, 0.0, 0.0, predictor.dt)
         a_own, v_own = (jnp.diagonal(x[:, n:]) for x in (inertance, mobility[n:]))
         pushed = predictor.parts(push)
         # What has inertia feels the absolute acceleration, though places see the relative motion.
-        carried = feel @ predictor.ground.modes
+        carried, yields = feel @ predictor.ground.modes, pushed.left @ yielding.T
         felt = jnp.concatenate(
             [
-                pushed.left @ yielding.T,
-                jnp.zeros((*push.shape[:-1], m)),
+                yields,
+                slopes_at_ends(yields, predictor.dt),
                 pushed.modal @ new.T + pushed.ground @ carried.T,
             ],
             axis=-1,
@@ -264,8 +266,8 @@ class _Run(NamedTuple):
             mobility,
             turned(jnp.concatenate([compliance[:n, :n], mobility[:n, :n]])),
             inertance,
-            size * (suspects.force @ inertial * a_own + suspects.force @ viscous * v_own),
-            jnp.concatenate([one, nil, nil, one]),
+            size * (inertial * a_own + viscous * v_own),
+            jnp.concatenate([jnp.eye(m), jnp.zeros((2 * m, m)), jnp.eye(m)]),
             _set_up(predictor, suspects, size),
             turned(predictor.observation(rows, jnp.concatenate([q_late, v_late]))),
         )

@@ -9,9 +9,10 @@ import pytest
 import scipy.signal
 
 import iwanjax as ij
+from iwanjax.effects.catalogue import CATALOGUE
 from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.identification.conditioning import conditioned
-from iwanjax.identification.hypotheses import LawStart
+from iwanjax.identification.hypotheses import LawStart, force, with_law
 from iwanjax.identification.joint_priors import Joint
 from iwanjax.identification.linearise import innovations
 from iwanjax.identification.modes_left_out import ModesLeftOut
@@ -21,7 +22,7 @@ from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.recordings import StudyRecording
 from iwanjax.identification.unnamed_law import blank_at, with_unnamed_law
 from iwanjax.joints.unnamed_terms import PARTS, TERMS
-from iwanjax.signals.comparison_band import HALF, in_band
+from iwanjax.signals.comparison_band import END, HALF, in_band
 
 RATE, N, FINE = 1024.0, 1024, 256
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -70,17 +71,19 @@ def test_slow_forces_move_them_by_their_flexibility():
     np.testing.assert_allclose(found[:, 0], static * force[:, 0], atol=1e-4 * static)
 
 
-def row_of_masses(added=0.0):
+def row_of_masses(added=0.0, damper=0.0):
     """Four masses in a row, hit at one end and jointed to the ground at the other.
 
-    Their highest mode lies at 0.7 of the sampling rate.
+    Their highest mode lies at 0.7 of the sampling rate. The third may have more mass, and a damper
+    to the ground.
     """
     M, k = np.diag([1.0, 0.9, 1.1 + added, 0.8]), (2.0 * np.pi * RATE * 0.36) ** 2
     K = k * (2.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
     K[0, 0], K[3, 3] = k, k + 1e5
+    C = 2e-5 * K + np.diag([0.0, 0.0, damper, 0.0])
     joint = ij.Iwan4(F_S=400.0, K_T=4e5, chi=-0.5, beta=1.5)
     joints = {"J1": (np.array([0.0, 0.0, 0.0, 1.0]), joint)}
-    return ij.JointedStructure(ij.LinearStructure(M, 2e-5 * K, K), joints)
+    return ij.JointedStructure(ij.LinearStructure(M, C, K), joints)
 
 
 INPUTS, SENSORS = jnp.eye(4)[:1], jnp.eye(4)[np.array([0, 3])]
@@ -94,8 +97,8 @@ def recorded(model):
     return StudyRecording("rec", sampled(np.asarray(run.acceleration)), force)
 
 
-def problem(recording, substeps, change=lambda made: made):
-    made, modal = predictor(row_of_masses(), INPUTS, SENSORS, RATE, "acceleration", (), substeps)
+def problem(recording, substeps, change=lambda made: made, kinds=()):
+    made, modal = predictor(row_of_masses(), INPUTS, SENSORS, RATE, "acceleration", kinds, substeps)
     made = change(made)
     noise = 1e-4 * np.sqrt(np.mean(recording.response**2, axis=0))
     data = conditioned([recording], made, modal, noise, N, 1, 6).data
@@ -141,3 +144,25 @@ def test_a_mass_of_the_law_without_a_name_is_as_one_in_the_model(substeps):
     other, (start,) = with_unnamed_law(made, UnnamedKind(), place, begun)
     left = left_of(recording, other, start.hypothesis, start.theta)
     assert np.all(left < 0.01)
+
+
+@pytest.mark.parametrize("substeps", [2, 8])
+@pytest.mark.parametrize("how", ["force", "element"])
+def test_a_damper_follows_how_fast_modes_left_out_yield(substeps, how):
+    c = 3000.0
+    recording = recorded(row_of_masses(damper=c))
+    made, shapes = problem(recording, substeps, kinds=CATALOGUE["viscous_damping"])
+    row, z = np.array([0.0, 0.0, 1.0, 0.0]) @ shapes, np.zeros(made.parameters)
+    (place,) = places_of(made, followed(made), {"m3": row})
+    if how == "force":
+        start = force(made, made.predictor.kinds[0], "m3", row, z, c, 1.0)
+    else:
+        made, (start,) = with_law(made, UnnamedKind(), place, [LawStart(ij.Dashpot(c), z)])
+    kept, left, end = made.predictor.kept, made.predictor.left, 2.0 * np.pi * END * RATE
+    # Such a spring before it makes it so much softer at the band's end. It is followed but for the
+    # inertia of those modes.
+    softer = c * end * float(row[kept:] ** 2 @ left.flexibility)
+    assert np.all(
+        left_of(recording, made, start.hypothesis, start.theta)
+        < softer * end**2 / float(left.omega2[0])
+    )
