@@ -111,7 +111,7 @@ class StudyData:
         if self.left_by_steps > 0.0:
             told.append(
                 f"Errors of the time integration may reach {self.left_by_steps:.2g} deviations of "
-                "the noise, with as many steps between samples as are taken at most: what is as "
+                "the noise, with the steps between samples that were taken: what is as "
                 "small as that may be no missing physics; measure with a higher sampling rate"
             )
         return told
@@ -197,10 +197,13 @@ class StepRefinement:
 
         A suspect that is far from the truth may want many more than the law that takes its place.
         """
-        problem, fitted = shown.problem, shown.fitted
+        problem, fitted, left = shown.problem, shown.fitted, self._left
+        model = fitted.hypothesis, fitted.theta
         finer = self._compared(problem, 2 * problem.predictor.substeps)
-        seen = of_own_motion(problem, finer, fitted.hypothesis, fitted.theta, self._same)
-        left = self._left
+        seen = of_own_motion(problem, finer, *model, self._same)
+        if left * seen.ratio > 1.0:
+            # Half a recording from rest may be off by more than all of it.
+            seen = changed(problem, finer, *model, self._same)
         return replace(sides, left_by_steps=left * seen.change if left * seen.ratio > 1.0 else 0.0)
 
     @property
