@@ -102,7 +102,7 @@ def general_law(
     from what the best named force there does, for from no force there may be no way to a large one,
     and where that is no name from an attached oscillator. The best is gone on with, as it is or
     with a spring that yields along a curve in place of other hysteresis; where it leaves more than
-    noise the next one is as well.
+    noise the next one is as well, and that goes on which leaves least with a longer memory.
 
     Parameters
     ----------
@@ -130,17 +130,19 @@ def general_law(
         if tried and (enough or not scope.in_time()):
             break
         tried.append(_begun_at(place, problem, nominal, entries, scope))
-    begun, ended = sorted((each for each, _ in tried), key=lambda each: each.fitted.cost), []
+    begun, ways = sorted((each for each, _ in tried), key=lambda each: each.fitted.cost), []
     enough = problem.settings.selection.misfit * left_by_noise(problem, TIME_CONSTANT)
     for each in begun:
         # A few steps from where they begin costs differ by chance, unless one explains it all.
-        ended.append(_best_way(each, problem, nominal, scope))
-        if ended[-1].lasting < enough or not scope.in_time():
+        ways.append(_best_way(each, problem, nominal, scope))
+        if ways[-1].left < enough or not scope.in_time():
             break
-    ended = [*(way.fit for way in ended), *begun[len(ended) :]]
-    odds, coarse = _odds(ended), any(stopped for _, stopped in tried)
-    best, known = int(np.argmax(odds)), frozenset(each.place.label for each, _ in tried)
-    return PlacedLaw(_to_scale(ended[best], problem, scope), float(odds[best]), coarse, known)
+    odds = _odds([way.lasting for way in ways])
+    best = int(np.argmax(odds))
+    found = ways[best].fit
+    rest = _odds([found, *begun[len(ways) :]])
+    coarse, known = any(stopped for _, stopped in tried), frozenset(x.place.label for x in begun)
+    return PlacedLaw(_to_scale(found, problem, scope), float(odds[best] * rest[0]), coarse, known)
 
 
 def where_a_law_acts(entry: RankedFit, places: Sequence[Place]) -> list[Place]:
@@ -190,15 +192,20 @@ def _begun_at(
 
 
 class _Way(NamedTuple):
-    """A law at a place with the shortest memory, and the cost that it goes on to with the next."""
+    """A law at a place with the shortest memory, and what becomes of it with the next one."""
 
     fit: UnnamedFit
-    lasting: float
+    lasting: UnnamedFit
 
     @classmethod
     def of(cls, found: UnnamedFit, scope: Scope) -> "_Way":
         """A few steps on."""
-        return cls(found, found.onward((TIME_CONSTANT,), STEPS, scope.in_time).fitted.cost)
+        return cls(found, found.onward((TIME_CONSTANT,), STEPS, scope.in_time))
+
+    @property
+    def left(self) -> float:
+        """Squared residual, with the longer memory."""
+        return self.lasting.fitted.cost
 
 
 def _best_way(
@@ -222,9 +229,9 @@ def _best_way(
     noise, tried = left_by_noise(problem, TIME_CONSTANT), list[_Way]()
     for each in ways:
         tried.append(_Way.of(each, scope))
-        if tried[-1].lasting < (1.0 + MODEL_ERROR_ALLOWANCE) * noise:
+        if tried[-1].left < (1.0 + MODEL_ERROR_ALLOWANCE) * noise:
             break
-    return min(tried, key=lambda way: way.lasting)
+    return min(tried, key=lambda way: way.left)
 
 
 def _done_by_hysteresis(found: UnnamedFit, problem: HistoryProblem, nominal: HypothesisFit) -> bool:

@@ -123,11 +123,13 @@ def test_a_law_is_tried_where_the_best_name_is_and_where_something_acts(
     ("ends", "gone_on_with", "best"),
     [
         # What it lacked were a few steps more.
-        ({"a": 1.1, "b": 1.0, "c": 1.0}, "a", "a"),
+        ({"a": (1.3, 1.1), "b": (1.0, 1.0), "c": (1.0, 1.0)}, "a", "a"),
         # It explains no more, and the next one all.
-        ({"a": 1.39, "b": 1.1, "c": 1.0}, "ab", "b"),
+        ({"a": (1.39, 1.39), "b": (1.1, 1.1), "c": (1.0, 1.0)}, "ab", "b"),
         # None does.
-        ({"a": 1.38, "b": 1.4, "c": 1.3}, "abc", "c"),
+        ({"a": (1.38, 1.38), "b": (1.4, 1.4), "c": (1.3, 1.3)}, "abc", "c"),
+        # What an observer corrects away with a short memory it does not with a longer one.
+        ({"a": (1.38, 1.5), "b": (1.25, 1.9), "c": (1.4, 1.6)}, "abc", "a"),
     ],
 )
 def test_the_next_place_is_gone_on_with_where_the_first_one_explains_too_little(
@@ -138,12 +140,13 @@ def test_the_next_place_is_gone_on_with_where_the_first_one_explains_too_little(
     gone = []
 
     class Begun(Fit):
-        def onward(self, *known):
+        def onward(self, memories, *known):
             gone.append(self.place.label)
-            return Fit(self.problem, self.place, NOISE * ends[self.place.label])
+            longer = memories[0] != module.SHORT_TIME_CONSTANT
+            return Begun(self.problem, self.place, NOISE * ends[self.place.label][longer])
 
     found = general({"a": 1.40, "b": 1.41, "c": 1.42}, [], [A, B, C], fit=Begun)
-    assert "".join(gone) == gone_on_with
+    assert "".join(dict.fromkeys(gone)) == gone_on_with
     assert found.fit.place.label == best
 
 
