@@ -115,7 +115,7 @@ def left_with(
 
 def _compared(x: Array) -> np.ndarray:
     """What of a signal is in the band, with where the filter spreads it to."""
-    return np.asarray(in_band(np.pad(np.asarray(x), [(HALF, HALF), (0, 0)])))
+    return np.asarray(in_band(jax.device_put(np.pad(np.asarray(x), [(HALF, HALF), (0, 0)]))))
 
 
 def _responses(
