@@ -146,11 +146,18 @@ def test_a_mass_of_the_law_without_a_name_is_as_one_in_the_model(substeps):
     assert np.all(left < 0.01)
 
 
-@pytest.mark.parametrize("substeps", [2, 8])
-@pytest.mark.parametrize("how", ["force", "element"])
-def test_a_damper_follows_how_fast_modes_left_out_yield(substeps, how):
-    c = 3000.0
-    recording = recorded(row_of_masses(damper=c))
+DAMPER = 3000.0
+
+
+@pytest.fixture(scope="module")
+def damped():
+    """A recording of the masses with the damper."""
+    return recorded(row_of_masses(damper=DAMPER))
+
+
+@pytest.mark.parametrize(("substeps", "how"), [(2, "force"), (8, "force"), (2, "element")])
+def test_a_damper_follows_how_fast_modes_left_out_yield(damped, substeps, how):
+    c, recording = DAMPER, damped
     made, shapes = problem(recording, substeps, kinds=CATALOGUE["viscous_damping"])
     row, z = np.array([0.0, 0.0, 1.0, 0.0]) @ shapes, np.zeros(made.parameters)
     (place,) = places_of(made, followed(made), {"m3": row})

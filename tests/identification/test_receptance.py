@@ -47,7 +47,7 @@ def by_runs(made, place, z, laws, memory):
 
 
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
-@pytest.mark.parametrize("memory", [2.0, 8.0, math.inf])
+@pytest.mark.parametrize("memory", [2.0, math.inf])
 def test_the_oscillator_that_is_there_leaves_nothing(quantity, memory):
     made, place = attached(quantity=quantity)
     z = np.zeros(made.parameters)
