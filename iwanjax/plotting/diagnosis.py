@@ -270,6 +270,7 @@ def plot_restoring(diagnosis: Diagnosis) -> Figure:
     reach = 2.0 * max(float(np.max(np.abs(x))) for x in (found.middle, found.laws[found.kind]))
     if reach > 0:
         ax.set_ylim(-reach, reach)
+    ax.locator_params(axis="x", nbins=5)
     ax.set_xlabel(f"{found.over.capitalize()} of {found.where} (model's unit)")
     ax.set_ylabel("Missing force (model's unit)")
     ax.legend(loc="best")
