@@ -56,7 +56,7 @@ class PlacedLaw(NamedTuple):
     fit : UnnamedFit
         As far as it got.
     probability : float
-        Of its place among those that were tried.
+        Of its place among those that were tried, or that there was no time for.
     coarse : bool
         Whether steps between samples may be too long for the law at one of them: the best named
         force stops it within a step.
@@ -141,8 +141,10 @@ def general_law(
     best = int(np.argmax(odds))
     found = ways[best].fit
     rest = _odds([found, *begun[len(ways) :]])
+    # What there was no time for is as likely as what was tried.
+    sure = float(odds[best] * rest[0]) / (1 + max(len(likely) - len(tried), 0))
     coarse, known = any(stopped for _, stopped in tried), frozenset(x.place.label for x in begun)
-    return PlacedLaw(_to_scale(found, problem, scope), float(odds[best] * rest[0]), coarse, known)
+    return PlacedLaw(_to_scale(found, problem, scope), sure, coarse, known)
 
 
 def where_a_law_acts(entry: RankedFit, places: Sequence[Place]) -> list[Place]:

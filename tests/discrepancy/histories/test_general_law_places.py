@@ -75,11 +75,10 @@ def law(monkeypatch):
         settings=HISTORIES, parameters=1, begun_beside=lambda z: [z], predictor=None
     )
     nominal = SimpleNamespace(theta=np.zeros((1, 1)), hypothesis=None)
-    scope = SimpleNamespace(
-        in_time=lambda: True, progress=lambda line: None, kinds=(), places=EVERY
-    )
 
-    def found(left, entries, likely, further=(), fit=Fit):
+    def found(left, entries, likely, further=(), fit=Fit, in_time=lambda: True):
+        scope = SimpleNamespace(in_time=in_time, progress=lambda line: None, kinds=(), places=EVERY)
+
         def fitted(problem, kind, place, starts, *known, **options):
             # First with few terms, then with more.
             seen.extend(set(place.label) - set(seen))
@@ -148,6 +147,14 @@ def test_the_next_place_is_gone_on_with_where_the_first_one_explains_too_little(
     found = general({"a": 1.40, "b": 1.41, "c": 1.42}, [], [A, B, C], fit=Begun)
     assert "".join(dict.fromkeys(gone)) == gone_on_with
     assert found.fit.place.label == best
+
+
+def test_a_place_that_there_was_no_time_for_is_as_likely_as_one_that_was_tried(law):
+    general, seen = law
+    left = {"a": 1.0, "b": 1.0, "c": 1.0, "d": 1.0}
+    found = general(left, [], [A, B, C], in_time=lambda: not seen)
+    assert found.tried == {"a"}
+    assert found.probability == pytest.approx(1.0 / 3.0)
 
 
 def test_of_two_laws_the_better_one_is_of_all_the_places_that_were_tried(law):
