@@ -62,6 +62,11 @@ def nearest_oscillators(
         Values of the joints to begin beside.
     time_constant : float
         Memory of the observer, cycles.
+
+    Returns
+    -------
+    list of LawStart
+        The nearest first, no more than ``joint_faults.near``.
     """
     laws = AttachedOscillator.begun(place.scales)
     left = np.concatenate([left_with(problem, place, z, laws, time_constant) for z in beside])
@@ -90,11 +95,19 @@ def left_with(
         Values of the joints.
     laws : sequence of AttachedOscillator
         Any number of them.
+
+    Returns
+    -------
+    (laws,) array
+        In squared deviations; infinite where no observer is found, not a number where the run
+        without them breaks down.
     """
     data, none, dt = problem.data, problem.nothing(), 1.0 / problem.predictor.rate
     theta = problem.still(np.append(z, problem.map.given()[len(z) :]))
     here = none.suspects._replace(row=jax.device_put(place.row[None]))
     gain = problem.gains([here], theta[:1], time_constant, slopes=False).gain[0]
+    if not np.all(np.isfinite(gain)):
+        return np.full(len(laws), np.inf)
     varied = jax.device_put((theta, gain))
     seen = AtSamples(*kernels.observed(problem.predictor, problem.joints, here, *varied, data))
     N = data.response.shape[1] + 2 * HALF
@@ -106,10 +119,11 @@ def left_with(
         by = _responses(problem, place, theta[0], gain * np.any(weight > 0.0, axis=0), turn)
         e, d = (np.fft.rfft(fading * _compared(x), 2 * N, axis=0) for x in (e, d))
         scale = weight / fading[HALF:-HALF]
-        for i, K in enumerate(stiffness):
-            force = (K / (1.0 - by.place * K))[:, None] * d
-            after = np.fft.irfft(e + by.sensors * force, 2 * N, axis=0)[HALF : N - HALF]
-            left[i] += np.sum((after * scale) ** 2)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for i, K in enumerate(stiffness):
+                force = (K / (1.0 - by.place * K))[:, None] * d
+                after = np.fft.irfft(e + by.sensors * force, 2 * N, axis=0)[HALF : N - HALF]
+                left[i] += np.sum((after * scale) ** 2)
     return left
 
 

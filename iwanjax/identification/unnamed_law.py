@@ -356,12 +356,8 @@ def resonating(
 
     Parameters
     ----------
-    problem : HistoryProblem
-        Of the model without it.
-    place : Place
-        Where.
-    beside : sequence of (parameters,) array
-        The joints' z to begin with.
+    problem, place, beside
+        As for :func:`~iwanjax.identification.receptance.nearest_oscillators`.
     steps : int
         Of the search, at most.
     in_time : function

@@ -10,6 +10,7 @@ from iwanjax.effects.catalogue import kinds_in_time
 from iwanjax.effects.kinds import JointKind
 from iwanjax.identification.hypotheses import LawStart, with_law
 from iwanjax.identification.linearise import squares_at
+from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.receptance import left_with, nearest_oscillators
 from iwanjax.joints import AttachedOscillator
 
@@ -84,3 +85,15 @@ def test_a_search_begins_where_runs_leave_least():
     assert np.all(near[0].z == beside[which])
     assert float(near[0].law.m) == float(laws[law].m)
     assert float(near[0].law.k) == float(laws[law].k)
+
+
+def test_without_an_observer_no_oscillator_is_nearer_than_another(monkeypatch):
+    made, place = attached()
+    gains = HistoryProblem.gains
+
+    def none(*known, **options):
+        found = gains(*known, **options)
+        return found._replace(gain=math.nan * found.gain)
+
+    monkeypatch.setattr(HistoryProblem, "gains", none)
+    assert np.all(np.isinf(left_with(made, place, np.zeros(made.parameters), [TRUTH], 2.0)))

@@ -131,11 +131,11 @@ def general_law(
             break
         tried.append(_begun_at(place, problem, nominal, entries, scope))
     begun, ways = sorted((each for each, _ in tried), key=lambda each: each.fitted.cost), []
-    enough = problem.settings.selection.misfit * left_by_noise(problem, TIME_CONSTANT)
+    explained = problem.settings.selection.misfit * left_by_noise(problem, TIME_CONSTANT)
     for each in begun:
         # A few steps from where they begin costs differ by chance, unless one explains it all.
         ways.append(_best_way(each, problem, nominal, scope))
-        if ways[-1].left < enough or not scope.in_time():
+        if ways[-1].left < explained or not scope.in_time():
             break
     odds = _odds([way.lasting for way in ways])
     best = int(np.argmax(odds))
