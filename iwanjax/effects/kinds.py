@@ -85,7 +85,7 @@ class ForceKind:
     @property
     def linear(self) -> bool:
         """Whether an error of the model's mass, damping or stiffness does the same."""
-        return self.law.inertial or self.law.viscous or self.law is LinearSpring
+        return self.law.inertial or self.law.viscous or self.law.elastic
 
     @property
     def limits(self) -> tuple[Nested, ...]:

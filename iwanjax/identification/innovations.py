@@ -223,9 +223,9 @@ class _Run(NamedTuple):
                 jnp.concatenate([-new * predictor.omega2, -on(predictor.C.T, new.T).T], axis=1),
             ]
         )
-        inertial, viscous = (
+        inertial, viscous, elastic = (
             suspects.force @ np.array([float(getattr(kind.law, how)) for kind in predictor.kinds])
-            for how in ("inertial", "viscous")
+            for how in ("inertial", "viscous", "elastic")
         )
         n, yielding = len(joints), left * predictor.left.flexibility
         flexibility, inertance = yielding @ left.T, new @ rows.T
@@ -238,7 +238,8 @@ class _Run(NamedTuple):
         shape = jnp.exp(jnp.clip(values.suspects[:, 1], -80.0, 80.0))
         compliance = rows @ q_late + flexibility
         mobility = rows @ v_late + slope_at_end(rate, 0.0, 0.0, predictor.dt)
-        a_own, v_own = (jnp.diagonal(x[:, n:]) for x in (inertance, mobility[n:]))
+        by_own = inertance, mobility[n:], compliance[n:]
+        a_own, v_own, d_own = (jnp.diagonal(x[:, n:]) for x in by_own)
         pushed = predictor.parts(push)
         # What has inertia feels the absolute acceleration, though places see the relative motion.
         carried, yields = feel @ predictor.ground.modes, pushed.left @ yielding.T
@@ -266,7 +267,7 @@ class _Run(NamedTuple):
             mobility,
             turned(jnp.concatenate([compliance[:n, :n], mobility[:n, :n]])),
             inertance,
-            size * (inertial * a_own + viscous * v_own),
+            size * (inertial * a_own + viscous * v_own + elastic * d_own),
             jnp.concatenate([jnp.eye(m), jnp.zeros((2 * m, m)), jnp.eye(m)]),
             _set_up(predictor, suspects, size),
             turned(predictor.observation(rows, jnp.concatenate([q_late, v_late]))),
@@ -321,8 +322,8 @@ class _Run(NamedTuple):
         rows = [[J[i, j] for j in range(n)] for i in range(n)]
         e = jnp.stack(solve_general(rows, list(off))) if n else off
         total, memory = self._suspected(motion, at.memory)
-        # The motion holds the expected force already. What a force of inertia or of a linear damper
-        # is off that changes the acceleration or the rate, and this the force.
+        # The motion holds the expected force already. What a linear force is off that changes the
+        # acceleration, the rate or the deflection, and this the force.
         late = (-total - expected[n:]) / (1.0 + self.opposed)
         # As one product: what goes into sums alone a compiler works out again for each of its uses.
         last = self.spread @ jnp.concatenate([e, late])

@@ -141,8 +141,8 @@ class AbstractForceLaw(AbstractJoint):
         Forms to try.
     inertial : bool
         Whether the force is in proportion to the acceleration.
-    viscous : bool
-        Whether it is in proportion to the rate.
+    viscous, elastic : bool
+        Whether it is in proportion to the rate, or to the deflection.
     tried : bool
         Whether a diagnosis tries the law from the beginning. Each law is another rival that every
         verdict has to exclude, and costs time wherever it acts or not: of a diagnosis of two small
@@ -160,6 +160,7 @@ class AbstractForceLaw(AbstractJoint):
     variants: ClassVar[tuple[Variant, ...]] = (Variant(),)
     inertial: ClassVar[bool] = False
     viscous: ClassVar[bool] = False
+    elastic: ClassVar[bool] = False
     tried: ClassVar[bool] = True
     taken_for: ClassVar[tuple[str, ...]] = ()
 

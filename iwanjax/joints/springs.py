@@ -83,6 +83,7 @@ class LinearSpring(AbstractSpring):
         "a linear spring",
     )
     either_sign: ClassVar[bool] = True
+    elastic: ClassVar[bool] = True
     linear: ClassVar[bool] = True
 
     k: Array = eqx.field(converter=named("k"))

@@ -71,15 +71,15 @@ def test_slow_forces_move_them_by_their_flexibility():
     np.testing.assert_allclose(found[:, 0], static * force[:, 0], atol=1e-4 * static)
 
 
-def row_of_masses(added=0.0, damper=0.0):
+def row_of_masses(added=0.0, damper=0.0, spring=0.0):
     """Four masses in a row, hit at one end and jointed to the ground at the other.
 
     Their highest mode lies at 0.7 of the sampling rate. The third may have more mass, and a damper
-    to the ground.
+    and a spring to the ground.
     """
     M, k = np.diag([1.0, 0.9, 1.1 + added, 0.8]), (2.0 * np.pi * RATE * 0.36) ** 2
     K = k * (2.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
-    K[0, 0], K[3, 3] = k, k + 1e5
+    K[0, 0], K[2, 2], K[3, 3] = k, 2.0 * k + spring, k + 1e5
     C = 2e-5 * K + np.diag([0.0, 0.0, damper, 0.0])
     joint = ij.Iwan4(F_S=400.0, K_T=4e5, chi=-0.5, beta=1.5)
     joints = {"J1": (np.array([0.0, 0.0, 0.0, 1.0]), joint)}
@@ -173,3 +173,17 @@ def test_a_damper_follows_how_fast_modes_left_out_yield(damped, substeps, how):
         left_of(recording, made, start.hypothesis, start.theta)
         < softer * end**2 / float(left.omega2[0])
     )
+
+
+@pytest.mark.parametrize(("k", "substeps"), [(1e6, 2), (4e6, 2), (1.6e7, 4)])
+def test_a_spring_that_is_suspected_leaves_what_one_in_the_model_does(k, substeps):
+    # By what is expected of its force alone it left twice as much, and from 4e6 on no number.
+    recording = recorded(row_of_masses(spring=k))
+    made, shapes = problem(recording, substeps, kinds=CATALOGUE["stiffness_error"])
+    row, z = np.array([0.0, 0.0, 1.0, 0.0]) @ shapes, np.zeros(made.parameters)
+    (place,) = places_of(made, followed(made), {"m3": row})
+    suspect = force(made, made.predictor.kinds[0], "m3", row, z, k, 1.0)
+    other, (known,) = with_law(made, UnnamedKind(), place, [LawStart(ij.LinearSpring(k), z)])
+    found = left_of(recording, made, suspect.hypothesis, suspect.theta)
+    expected = left_of(recording, other, known.hypothesis, known.theta)
+    np.testing.assert_allclose(found, expected, rtol=1e-2)
