@@ -102,7 +102,11 @@ class UnnamedFit:
         return joint
 
     def onward(
-        self, memories: Sequence[float], steps: int, in_time: Callable[[], bool] = lambda: True
+        self,
+        memories: Sequence[float],
+        steps: int,
+        in_time: Callable[[], bool] = lambda: True,
+        wider: bool = True,
     ) -> "UnnamedFit":
         """The fit gone on with, with longer memories; arguments as :func:`fit_unnamed_law`.
 
@@ -113,11 +117,11 @@ class UnnamedFit:
         for memory in memories:
             if not in_time():
                 break
-            wider = loosened(found)
+            loose = loosened(found)
             known = memory, steps, in_time
-            found = _searched(self.place, wider.problem, wider.fitted.start, *known)
+            found = _searched(self.place, loose.problem, loose.fitted.start, *known)
             enough = (1.0 + MODEL_ERROR_ALLOWANCE) * left_by_noise(found.problem, memory)
-            while found.joint.free in _WIDER and found.fitted.cost > enough and in_time():
+            while wider and found.joint.free in _WIDER and found.fitted.cost > enough and in_time():
                 more = with_terms(found, _WIDER[found.joint.free])
                 other = _searched(self.place, *more, *known)
                 if not other.gains_on(found):

@@ -1,7 +1,8 @@
 """Suspects that a score test at size zero with a short memory does not see.
 
-Too strong ones are probed with forces of any size; laws of several parameters are tried whole; what
-builds up slowly appears with a longer memory of the observer.
+Too strong ones are probed with forces of any size; what is linear is tried at every place; laws of
+several parameters are tried whole; what builds up slowly appears with a longer memory of the
+observer.
 """
 
 import itertools
@@ -10,7 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from iwanjax.discrepancy.histories.general_law import PlacedLaw, motion_of
 from iwanjax.discrepancy.histories.joint_faults import (
     Limits,
     best_of_each,
@@ -18,7 +18,6 @@ from iwanjax.discrepancy.histories.joint_faults import (
     limited,
     stuck,
 )
-from iwanjax.discrepancy.histories.likeness import nearest_laws
 from iwanjax.discrepancy.histories.nested import begun_from
 from iwanjax.discrepancy.histories.place_test import gain_in_squares, like_no_linear_error
 from iwanjax.discrepancy.histories.ranking import (
@@ -28,6 +27,7 @@ from iwanjax.discrepancy.histories.ranking import (
     Scope,
     cost_of,
     least,
+    linear,
     placed,
     scored,
 )
@@ -50,10 +50,8 @@ from iwanjax.identification.multistart import (
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Hypothesis, Start, Variant
 from iwanjax.identification.receptance import nearest_oscillators
-from iwanjax.identification.unnamed_law import force_in
 from iwanjax.joints import AttachedOscillator
 from iwanjax.joints.motion_only import AbstractMotionOnly
-from iwanjax.settings.stages import settings
 
 
 def probed(
@@ -153,6 +151,43 @@ def _sizes(
     return sizes if kind.positive else [*sizes, *(-size for size in sizes)]
 
 
+def anywhere(
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    shorts: Sequence[RankedFit],
+    entries: list[RankedFit],
+    scope: Scope,
+) -> list[RankedFit]:
+    """A linear error that explains most at every place, of any size, from joints as given as well.
+
+    Joints are bent to do most of what is linear, and columns about them exclude its place: a spring
+    across a lap looked like a weaker one at the tip.
+
+    Parameters
+    ----------
+    problem, shorts, entries, scope
+        As for :func:`probed`.
+    nominal : HypothesisFit
+        The model with its joints refitted.
+    """
+    best = entries[0].fitted.hypothesis
+    if len(best.kinds) > 1 or not linear(entries[0]) or not scope.in_time():
+        return entries
+    (kind,), named = best.kinds, {place.label: place for place in scope.places}
+    scope.progress(f"{kind.usual}, at any place")
+    z = nominal.theta.mean(axis=0)[: problem.parameters]
+    bases = [Start(problem.nothing(), problem.map.given(each)) for each in problem.begun_beside(z)]
+    made: dict[str, list[Start]] = {label: [] for label in named}
+    for base in multistart(problem, bases, SHORT_TIME_CONSTANT, 0):
+        for unit in unit_effects(problem, base, [kind], scope.places):
+            sizes = _sizes(problem, kind, named[unit.where], np.max(np.abs(unit.force)))
+            made[unit.where] += [unit.sized(size) for size in sizes]
+    cost = min((cost_of(e) for e in shorts if e.problem is problem), default=math.inf)
+    limits = Limits(cost, problem.settings.joint_faults.ahead * cost)
+    near = [sifted(problem, starts)[:2] for starts in made.values() if starts]
+    return compared(shorts, entries, best_of_each(near, limits, scope), scope)
+
+
 def further_laws(
     problem: HistoryProblem,
     nominal: HypothesisFit,
@@ -212,40 +247,6 @@ def further_laws(
         if min(map(cost_of, found), default=math.inf) < enough:
             break
     return compared(shorts, entries, found, scope)
-
-
-def as_one_law(
-    problem: HistoryProblem,
-    nominal: HypothesisFit,
-    shorts: Sequence[RankedFit],
-    entries: list[RankedFit],
-    general: PlacedLaw,
-    scope: Scope,
-) -> list[RankedFit]:
-    """Laws with all of their parameters that begin as the force of a general law, at its place.
-
-    Parameters
-    ----------
-    problem, nominal, shorts, entries, scope
-        As for the others.
-    general : PlacedLaw
-        As fitted.
-    """
-    if not scope.in_time():
-        return entries
-    fit, known = general.fit, problem.settings
-    motion = motion_of(fit)
-    force = np.asarray(force_in(fit.law, motion))
-    near = nearest_laws(scope.kinds, fit.place.scales, motion, force)
-    near = [each for each in near if each.share < settings().judgement.neighbour]
-    beside = problem.begun_beside(fit.fitted.theta.mean(axis=0)[: problem.parameters])
-    made = []
-    for kind, law, _ in near[: known.pairs.seconds]:
-        starts = [hypotheses.LawStart(law, z) for z in beside]
-        made.append(hypotheses.with_law(problem, kind, fit.place, starts))
-        scope.progress(f"refitting {made[-1][1][0].hypothesis.label} as the general law shows it")
-    limits = limited(problem, nominal, least(nominal, entries).cost, SHORT_TIME_CONSTANT)
-    return compared(shorts, entries, best_of_each(made, limits, scope), scope)
 
 
 def sought_at(

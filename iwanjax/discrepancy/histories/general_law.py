@@ -17,7 +17,7 @@ from iwanjax.discrepancy.histories.ranking import (
     RankedFit,
     Scope,
 )
-from iwanjax.discrepancy.histories.restarts import FAR
+from iwanjax.discrepancy.histories.restarts import FAR, linear_law, linear_laws
 from iwanjax.effects.kinds import ForceKind, JointKind, UnnamedKind
 from iwanjax.estimation.evidence import MODEL_ERROR_ALLOWANCE, shares
 from iwanjax.estimation.settings import SEARCH
@@ -130,7 +130,13 @@ def general_law(
         if tried and (enough or not scope.in_time()):
             break
         tried.append(_begun_at(place, problem, nominal, entries, scope))
-    begun, ways = sorted((each for each, _ in tried), key=lambda each: each.fitted.cost), []
+    fits = [each for each, _ in tried]
+    if min(fits, key=lambda each: each.fitted.cost).joint.free == LINEAR:
+        # Columns exclude no place of what is linear: joints have been bent to do most of it.
+        known = {each.place.label for each in fits}
+        every = {place.label: place for place in [*other, *further] if place.label not in known}
+        fits = linear_laws(problem, nominal, list(every.values()), scope, fits)
+    begun, ways = sorted(fits, key=lambda each: each.fitted.cost), list[_Way]()
     explained = problem.settings.selection.misfit * left_by_noise(problem, TIME_CONSTANT)
     for each in begun:
         # A few steps from where they begin costs differ by chance, unless one explains it all.
@@ -143,7 +149,7 @@ def general_law(
     rest = _odds([found, *begun[len(ways) :]])
     # What there was no time for is as likely as what was tried.
     sure = float(odds[best] * rest[0]) / (1 + max(len(likely) - len(tried), 0))
-    coarse, known = any(stopped for _, stopped in tried), frozenset(x.place.label for x in begun)
+    coarse, known = any(stopped for _, stopped in tried), frozenset(x.place.label for x, _ in tried)
     return PlacedLaw(_to_scale(found, problem, scope), sure, coarse, known)
 
 
@@ -171,10 +177,7 @@ def _begun_at(
     forces = [e for e in entries if e.problem is problem and _forces_at(e.fitted, place)]
     beside, blank, stopped = problem.begun_beside(z), blank_at(place), False
     short, in_time = (SHORT_TIME_CONSTANT,), scope.in_time
-    begun = [hypotheses.LawStart(blank, each) for each in beside]
-    linear = fit_unnamed_law(
-        problem, UnnamedKind(), place, begun, short, SEARCH.head_start, in_time, LINEAR
-    )
+    linear = linear_law(place, problem, nominal, scope)
     joints = linear.fitted.theta.mean(axis=0)[: problem.parameters]
     starts = [hypotheses.LawStart(linear.law, joints)]
     for each in forces[:1]:

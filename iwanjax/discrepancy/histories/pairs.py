@@ -1,6 +1,6 @@
 """Two suspects at once: a second beside the first, and each of them questioned again.
 
-And two laws at one place, as a general law there shows them.
+And two laws at one place, or one of several parameters, as a general law there shows them.
 """
 
 from collections.abc import Sequence
@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from iwanjax.discrepancy.histories.general_law import PlacedLaw, motion_of
-from iwanjax.discrepancy.histories.likeness import nearest_pairs
+from iwanjax.discrepancy.histories.joint_faults import best_of_each, compared, limited
+from iwanjax.discrepancy.histories.likeness import nearest_laws, nearest_pairs
 from iwanjax.discrepancy.histories.ranking import (
     STEPS,
     TIME_CONSTANT,
@@ -28,6 +29,7 @@ from iwanjax.identification.likelihood import Evidence, evidence, left_by_noise
 from iwanjax.identification.multistart import SHORT_TIME_CONSTANT, HypothesisFit, multistart
 from iwanjax.identification.problem import HistoryProblem, Start, Variant
 from iwanjax.identification.unnamed_law import force_in
+from iwanjax.settings.stages import settings
 
 
 def doubled(problem: HistoryProblem, entries: list[RankedFit], scope: Scope) -> list[RankedFit]:
@@ -246,3 +248,43 @@ def as_two_laws(problem: HistoryProblem, general: PlacedLaw, scope: Scope) -> li
     found = distinct(again(near[: known.pairs.partners], [], TIME_CONSTANT, scope))
     # Two laws that together leave much are a basis to expand any force in, no names.
     return [each for each in found if each.fitted.cost < known.pairs.far * left_by_noise(problem)]
+
+
+def as_one_law(
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    shorts: Sequence[RankedFit],
+    entries: list[RankedFit],
+    general: PlacedLaw,
+    scope: Scope,
+) -> list[RankedFit]:
+    """Laws with all of their parameters that begin as the force of a general law, at its place.
+
+    Parameters
+    ----------
+    problem : HistoryProblem
+        Of the model without any suspect.
+    nominal : HypothesisFit
+        That model.
+    shorts, entries : sequence of RankedFit
+        Suspects with a memory of two cycles and of eight, the best first.
+    general : PlacedLaw
+        As fitted.
+    scope : Scope
+        Names to try, and how long there is time.
+    """
+    if not scope.in_time():
+        return entries
+    fit, known = general.fit, problem.settings
+    motion = motion_of(fit)
+    force = np.asarray(force_in(fit.law, motion))
+    near = nearest_laws(scope.kinds, fit.place.scales, motion, force)
+    near = [each for each in near if each.share < settings().judgement.neighbour]
+    beside = problem.begun_beside(fit.fitted.theta.mean(axis=0)[: problem.parameters])
+    made = []
+    for kind, law, _ in near[: known.pairs.seconds]:
+        starts = [hypotheses.LawStart(law, z) for z in beside]
+        made.append(hypotheses.with_law(problem, kind, fit.place, starts))
+        scope.progress(f"refitting {made[-1][1][0].hypothesis.label} as the general law shows it")
+    limits = limited(problem, nominal, least(nominal, entries).cost, SHORT_TIME_CONSTANT)
+    return compared(shorts, entries, best_of_each(made, limits, scope), scope)

@@ -1,4 +1,4 @@
-"""Joints refitted from many starts, so that no local minimum of theirs stands for an effect."""
+"""Refits from many joints and at every place: no local minimum is to stand for an effect."""
 
 import math
 from collections.abc import Sequence
@@ -15,14 +15,20 @@ from iwanjax.discrepancy.histories.ranking import (
     least,
     settled,
 )
+from iwanjax.effects.kinds import UnnamedKind
 from iwanjax.estimation.multistart import alike
+from iwanjax.estimation.settings import SEARCH
+from iwanjax.identification.hypotheses import LawStart
 from iwanjax.identification.likelihood import left_by_noise
 from iwanjax.identification.multistart import (
     SHORT_TIME_CONSTANT,
     HypothesisFit,
     multistart,
 )
+from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem, Start
+from iwanjax.identification.unnamed_law import UnnamedFit, blank_at, fit_unnamed_law
+from iwanjax.joints.unnamed_terms import LINEAR
 
 # Starts of the joints alone.
 _STARTS = 4
@@ -184,3 +190,52 @@ def renominated(
         in_time=scope.in_time,
     )
     return min([nominal, *found], key=lambda each: each.cost)
+
+
+def linear_laws(
+    problem: HistoryProblem,
+    nominal: HypothesisFit,
+    places: Sequence[Place],
+    scope: Scope,
+    begun: Sequence[UnnamedFit] = (),
+) -> list[UnnamedFit]:
+    """What is linear at each place, fitted with the shortest memory until the search ends.
+
+    Columns do not tell where such a force acts: joints are bent to do most of it, and what it does
+    to modes that are near to what other places do is told by how strong it is.
+
+    Parameters
+    ----------
+    problem, nominal, scope
+        As for :func:`linear_law`.
+    places : sequence of Place
+        Where it may act.
+    begun : sequence of UnnamedFit
+        Laws at others, to be gone on with.
+    """
+    scope.progress("what is linear, at any place")
+    here = (linear_law(place, problem, nominal, scope) for place in places if scope.in_time())
+    known = (SHORT_TIME_CONSTANT,), STEPS, scope.in_time
+    return [each.onward(*known, wider=False) for each in [*begun, *here]]
+
+
+def linear_law(
+    place: Place, problem: HistoryProblem, nominal: HypothesisFit, scope: Scope
+) -> UnnamedFit:
+    """A spring, a mass, a dashpot and relaxation at a place, after a few steps.
+
+    Parameters
+    ----------
+    place : Place
+        Where.
+    problem : HistoryProblem
+        Of the model without it.
+    nominal : HypothesisFit
+        That model; it is begun from its joints, and from those given.
+    scope : Scope
+        How long there is time.
+    """
+    beside = problem.begun_beside(nominal.theta.mean(axis=0)[: problem.parameters])
+    begun = [LawStart(blank_at(place), each) for each in beside]
+    short, few = (SHORT_TIME_CONSTANT,), SEARCH.head_start
+    return fit_unnamed_law(problem, UnnamedKind(), place, begun, short, few, scope.in_time, LINEAR)

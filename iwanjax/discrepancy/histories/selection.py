@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from iwanjax.discrepancy.findings import PlaceEvidence, Score
 from iwanjax.discrepancy.histories.further_suspects import (
+    anywhere,
     appearing,
-    as_one_law,
     further_laws,
     probed,
 )
@@ -20,7 +20,7 @@ from iwanjax.discrepancy.histories.joint_faults import (
     with_joints_left_out,
 )
 from iwanjax.discrepancy.histories.nested import none_worse, with_nested_laws
-from iwanjax.discrepancy.histories.pairs import as_two_laws, doubled
+from iwanjax.discrepancy.histories.pairs import as_one_law, as_two_laws, doubled
 from iwanjax.discrepancy.histories.ranking import (
     TIME_CONSTANT,
     RankedFit,
@@ -175,6 +175,9 @@ def run(
     if entries and missing(base, entries[0]):
         simpler = partial(with_nested_laws, problem, entries, scope)
         entries = attempted("refitting simpler kinds", simpler, entries, failures)
+        base, entries = ranked(base, entries)
+        every = partial(anywhere, problem, base.fitted, shorts, entries, scope)
+        entries = attempted("looking for a linear error at any place", every, entries, failures)
         base, entries = ranked(base, entries)
     within = partial(none_worse, base, entries, scope)
     entries = attempted("refitting laws from what they contain", within, entries, failures)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from linear_pair import ROWS, measured_force, problem, simulated, stiffness_with_joint
 
-from iwanjax.discrepancy.histories.further_suspects import as_one_law
 from iwanjax.discrepancy.histories.general_law import PlacedLaw
+from iwanjax.discrepancy.histories.pairs import as_one_law
 from iwanjax.discrepancy.histories.ranking import Scope
 from iwanjax.effects.catalogue import kinds_in_time
 from iwanjax.effects.kinds import UnnamedKind

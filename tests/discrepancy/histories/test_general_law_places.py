@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from iwanjax.discrepancy.histories import general_law as module
+from iwanjax.discrepancy.histories import restarts
 from iwanjax.effects.catalogue import kinds_in_time
 from iwanjax.joints import PlaceMotion
 from iwanjax.joints.duhem import FIRST_BRANCH
@@ -29,7 +30,7 @@ class Fit:
         self.law = SimpleNamespace(alone=lambda *names: None, deflection=1.0)
         self.joint = SimpleNamespace(free=module.FEW)
 
-    def onward(self, *known):
+    def onward(self, *known, **options):
         return self
 
     def gains_on(self, other):
@@ -71,6 +72,7 @@ def law(monkeypatch):
         "evidence": evidences,
     }.items():
         monkeypatch.setattr(module, name, instead)
+    monkeypatch.setattr(restarts, "blank_at", lambda place: None)
     problem = SimpleNamespace(
         settings=HISTORIES, parameters=1, begun_beside=lambda z: [z], predictor=None
     )
@@ -84,7 +86,8 @@ def law(monkeypatch):
             seen.extend(set(place.label) - set(seen))
             return fit(problem, place, NOISE * left[place.label])
 
-        monkeypatch.setattr(module, "fit_unnamed_law", fitted)
+        for each in (module, restarts):
+            monkeypatch.setattr(each, "fit_unnamed_law", fitted)
         return module.general_law(problem, nominal, entries, likely, scope, further)
 
     return found, seen
@@ -139,7 +142,7 @@ def test_the_next_place_is_gone_on_with_where_the_first_one_explains_too_little(
     gone = []
 
     class Begun(Fit):
-        def onward(self, memories, *known):
+        def onward(self, memories, *known, **options):
             gone.append(self.place.label)
             longer = memories[0] != module.SHORT_TIME_CONSTANT
             return Begun(self.problem, self.place, NOISE * ends[self.place.label][longer])
@@ -147,6 +150,24 @@ def test_the_next_place_is_gone_on_with_where_the_first_one_explains_too_little(
     found = general({"a": 1.40, "b": 1.41, "c": 1.42}, [], [A, B, C], fit=Begun)
     assert "".join(dict.fromkeys(gone)) == gone_on_with
     assert found.fit.place.label == best
+
+
+def test_what_is_linear_where_it_explains_most_is_looked_for_everywhere(law):
+    """Where it is tried by all terms names are refuted; elsewhere they are not."""
+    general, seen = law
+
+    class Linear(Fit):
+        def __init__(self, *known):
+            super().__init__(*known)
+            self.joint = SimpleNamespace(free=module.LINEAR)
+
+    left = {"a": 1.02, "b": 1.9, "c": 1.3, "d": 1.0}
+    found = general(left, [], [A, B], [C, D], fit=Linear)
+    assert "".join(seen) == "abcd"
+    assert found.fit.place.label == "d"
+    assert found.tried == {"a", "b"}
+    # Twice their likelihood is e for two squares.
+    assert found.probability == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
 
 
 def test_a_place_that_there_was_no_time_for_is_as_likely_as_one_that_was_tried(law):
@@ -202,7 +223,7 @@ def test_a_curve_is_tried_from_bent_joints_and_from_those_given(
                 with_strengths=lambda strengths: SimpleNamespace(with_branch=lambda shape: None),
             )
 
-        def onward(self, *known):
+        def onward(self, *known, **options):
             if known[0][0] == module.SHORT_TIME_CONSTANT:
                 return self
             return Way(self.problem, self.place.label, self.long, self.long)
@@ -219,7 +240,8 @@ def test_a_curve_is_tried_from_bent_joints_and_from_those_given(
     if free == HYSTERETIC:
         monkeypatch.setattr(module, "squares_at", lambda *args: [100.0 * NOISE])
         monkeypatch.setattr(module, "force_in", lambda law, motion: jnp.ones((1, 4)))
-    monkeypatch.setattr(module, "fit_unnamed_law", fitted)
+    for each in (module, restarts):
+        monkeypatch.setattr(each, "fit_unnamed_law", fitted)
     monkeypatch.setattr(module, "nearest_branch", lambda *motion: (1.0, FIRST_BRANCH))
     problem = SimpleNamespace(
         settings=HISTORIES, parameters=1, begun_beside=lambda z: [z, z + 1.0], predictor=None
