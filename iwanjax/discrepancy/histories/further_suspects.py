@@ -26,6 +26,7 @@ from iwanjax.discrepancy.histories.ranking import (
     RankedFit,
     Scope,
     cost_of,
+    distinct,
     least,
     linear,
     placed,
@@ -158,10 +159,11 @@ def anywhere(
     entries: list[RankedFit],
     scope: Scope,
 ) -> list[RankedFit]:
-    """A linear error that explains most at every place, of any size, from joints as given as well.
+    """Where a linear error explains most, all of them at every place, from joints as given as well.
 
-    Joints are bent to do most of what is linear, and columns about them exclude its place: a spring
-    across a lap looked like a weaker one at the tip.
+    Joints that are bent to do most of what is linear exclude its place by their columns: a spring
+    across a lap looked like a weaker one at the tip. Where they do not, columns about joints as
+    given have been looked at, too.
 
     Parameters
     ----------
@@ -170,22 +172,32 @@ def anywhere(
     nominal : HypothesisFit
         The model with its joints refitted.
     """
-    best = entries[0].fitted.hypothesis
-    if len(best.kinds) > 1 or not linear(entries[0]) or not scope.in_time():
+    bent = problem.joints and nominal.cost < FAR * left_by_noise(problem)
+    if not (bent and linear(entries[0]) and scope.in_time()):
         return entries
-    (kind,), named = best.kinds, {place.label: place for place in scope.places}
-    scope.progress(f"{kind.usual}, at any place")
+    known, named = problem.settings, {place.label: place for place in scope.places}
+    kinds = [kind for kind in scope.kinds if isinstance(kind, ForceKind) and kind.linear]
+    scope.progress("linear errors at every place")
     z = nominal.theta.mean(axis=0)[: problem.parameters]
     bases = [Start(problem.nothing(), problem.map.given(each)) for each in problem.begun_beside(z)]
-    made: dict[str, list[Start]] = {label: [] for label in named}
+    starts = []
     for base in multistart(problem, bases, SHORT_TIME_CONSTANT, 0):
-        for unit in unit_effects(problem, base, [kind], scope.places):
-            sizes = _sizes(problem, kind, named[unit.where], np.max(np.abs(unit.force)))
-            made[unit.where] += [unit.sized(size) for size in sizes]
-    cost = min((cost_of(e) for e in shorts if e.problem is problem), default=math.inf)
-    limits = Limits(cost, problem.settings.joint_faults.ahead * cost)
-    near = [sifted(problem, starts)[:2] for starts in made.values() if starts]
-    return compared(shorts, entries, best_of_each(near, limits, scope), scope)
+        for unit in unit_effects(problem, base, kinds, scope.places):
+            largest = np.max(np.abs(unit.force))
+            # The first step tells how large it is: residuals are nearly linear in that.
+            small = _sizes(problem, unit.kind, named[unit.where], largest)[:1]
+            starts += [unit.sized(size) for size in small]
+    order = np.argsort(foreseen(problem, starts, SHORT_TIME_CONSTANT), kind="stable")
+    fits = multistart(
+        problem,
+        [starts[i] for i in order[: known.joint_faults.near]],
+        SHORT_TIME_CONSTANT,
+        STEPS,
+        at_most=known.selection.field,
+        in_time=scope.in_time,
+    )
+    found = distinct(placed([RankedFit(problem, each) for each in fits]))
+    return compared(shorts, entries, found, scope)
 
 
 def further_laws(

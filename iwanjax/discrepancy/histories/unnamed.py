@@ -30,7 +30,6 @@ from iwanjax.discrepancy.histories.ranking import (
     missing,
     ranked,
 )
-from iwanjax.discrepancy.histories.restarts import linear_laws
 from iwanjax.discrepancy.histories.score_test import by_evidence, left_likely
 from iwanjax.discrepancy.histories.selection import ModelSelection
 from iwanjax.discrepancy.histories.validation import Runs, misfit
@@ -38,8 +37,6 @@ from iwanjax.discrepancy.judgement import Verdict, acting, beside_general_law, w
 from iwanjax.effects.kinds import Kind, UnnamedKind
 from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 from iwanjax.identification.likelihood import covariance, left_by_noise
-from iwanjax.identification.linearise import squares_at
-from iwanjax.identification.multistart import SHORT_TIME_CONSTANT
 from iwanjax.identification.places import Place
 from iwanjax.identification.problem import HistoryProblem
 from iwanjax.identification.unnamed_law import UnnamedFit, force_in
@@ -187,7 +184,7 @@ def beyond_names(
     enough = problem.settings.selection.misfit * left_by_noise(problem)
     explained = least(table.nominal.fitted, table.entries).cost < enough
     if named.largest <= AS_LIKELY_WRONG or explained:
-        found = _where_else(table, problem, scope) if verdict.found else None
+        found = _where_else(table.best, scope) if verdict.found else None
         if found is None:
             return None
         there = found
@@ -219,11 +216,11 @@ def beyond_names(
     return Beyond(now, kept, probability, after, placed.entry, force)
 
 
-def _where_else(table: ModelSelection, problem: HistoryProblem, scope: Scope) -> list[Place] | None:
+def _where_else(best: RankedFit, scope: Scope) -> list[Place] | None:
     """Where another law may take off what names leave: no places for any, None for nowhere."""
-    best, share = table.best, settings().judgement.more_there
     there = where_a_law_acts(best, scope.places)
     left = best.fitted.cost / left_by_noise(best.problem)
+    share = settings().judgement.more_there
     # About what is far from the truth slopes do not tell what a law would take off, nor is the
     # place known: a fractional damper at the tip looks like an oscillator beside it.
     if not there or left > best.problem.settings.selection.misfit:
@@ -235,15 +232,7 @@ def _where_else(table: ModelSelection, problem: HistoryProblem, scope: Scope) ->
         return None
     scope.progress(f"what {best.fitted.hypothesis.label} leaves at its place")
     more = more_there(best.problem, best.fitted, there[0], scope.places).reduction
-    if more > share * left_by_noise(best.problem):
-        return there
-    # A name may do elsewhere, with joints that are bent, most of what something linear does.
-    point = best.fitted.hypothesis, best.fitted.theta
-    (named,) = squares_at(best.problem, [point], SHORT_TIME_CONSTANT)
-    laws = linear_laws(problem, table.nominal.fitted, scope.places, scope)
-    laws.sort(key=lambda each: each.fitted.cost)
-    enough = named - share * left_by_noise(problem, SHORT_TIME_CONSTANT)
-    return [each.place for each in laws] if laws and laws[0].fitted.cost < enough else None
+    return there if more > share * left_by_noise(best.problem) else None
 
 
 def beside_linear(table: ModelSelection, scope: Scope) -> ModelSelection:
