@@ -1,5 +1,6 @@
 """A general law where no named one explains the recordings: where it acts, and what it is like."""
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -184,7 +185,7 @@ def beyond_names(
     enough = problem.settings.selection.misfit * left_by_noise(problem)
     explained = least(table.nominal.fitted, table.entries).cost < enough
     if named.largest <= AS_LIKELY_WRONG or explained:
-        found = _where_else(table.best, scope) if verdict.found else None
+        found = _where_else(table, scope) if verdict.found else None
         if found is None:
             return None
         there = found
@@ -216,18 +217,21 @@ def beyond_names(
     return Beyond(now, kept, probability, after, placed.entry, force)
 
 
-def _where_else(best: RankedFit, scope: Scope) -> list[Place] | None:
+def _where_else(table: ModelSelection, scope: Scope) -> list[Place] | None:
     """Where another law may take off what names leave: no places for any, None for nowhere."""
-    there = where_a_law_acts(best, scope.places)
+    best, there = table.best, where_a_law_acts(table.best, scope.places)
     left = best.fitted.cost / left_by_noise(best.problem)
     share = settings().judgement.more_there
     # About what is far from the truth slopes do not tell what a law would take off, nor is the
     # place known: a fractional damper at the tip looks like an oscillator beside it.
     if not there or left > best.problem.settings.selection.misfit:
         return [] if there else None
-    # One law at one place may be all that two names at two are.
+    # One law at one place may be all that two names at two are: at one of these, where rivals are,
+    # or, if it is linear, anywhere.
     if len(there) > 1:
-        return there
+        rivals = (where_a_law_acts(entry, scope.places) for entry in table.entries)
+        every = [*there, *itertools.chain(*rivals), *scope.places]
+        return list({place.label: place for place in every}.values())
     if left < 1.0 + share:
         return None
     scope.progress(f"what {best.fitted.hypothesis.label} leaves at its place")

@@ -255,8 +255,8 @@ ANYWHERE, NOWHERE = "", None
         ("stiffness_error", "a", 1.1, 0.05, "a"),
         # Where more is left the place is not known either.
         ("stiffness_error", "a", 1.3, 0.0, ANYWHERE),
-        # Two names at two places may be one law at one of them, whatever they leave.
-        ("stiffness_error", "ab", 1.01, 0.0, "ab"),
+        # Two names at two places may be one law at one of them, where a rival is, or anywhere.
+        ("stiffness_error", "ab", 1.01, 0.0, "abed"),
         ("stiffness_error", "ab", 1.3, 0.0, ANYWHERE),
         # At a channel there is no law.
         ("stiffness_error", "ac", 1.3, 0.0, NOWHERE),
@@ -270,7 +270,7 @@ def test_a_general_law_is_tried_where_a_name_leaves_more_than_noise(
     monkeypatch, name, where, left, by_others, there
 ):
     """Little more, and other laws do that; or much more, of which slopes tell nothing."""
-    places = [Place(label, np.eye(3)[i], Scales(1e-3, 0.1)) for i, label in enumerate("ab")]
+    places = [Place(label, np.eye(4)[i], Scales(1e-3, 0.1)) for i, label in enumerate("abde")]
     problem = SimpleNamespace(settings=HISTORIES)
     kinds = [next(each for each in kinds_in_time() if each.name == name)] * len(where)
     hypothesis = SimpleNamespace(kinds=kinds, where=tuple(where), label="named")
@@ -290,7 +290,10 @@ def test_a_general_law_is_tried_where_a_name_leaves_more_than_noise(
     run = SimpleNamespace(relative=1e-3, floor=1e-3, floor_95=1.1e-3), None
     verdict = judged(-1e4, (0.0,), Misfit(50.0, 60.0), Misfit(1.2, 1.0))
     ended = unnamed.Ended(verdict, run, run, 2e-3)
-    table = SimpleNamespace(best=best, nominal=best, entries=[best])
+    other = SimpleNamespace(kinds=kinds[:1], where=("e",))
+    rival = SimpleNamespace(hypothesis=other, cost=2000.0 * left, time_constant=math.inf)
+    entries = [best, SimpleNamespace(problem=problem, fitted=rival)]
+    table = SimpleNamespace(best=best, nominal=best, entries=entries)
     scope = SimpleNamespace(in_time=lambda: True, progress=lambda line: None, places=places)
     known = table, problem, scope, ended, None
     if there is NOWHERE:
@@ -299,7 +302,7 @@ def test_a_general_law_is_tried_where_a_name_leaves_more_than_noise(
         return
     with pytest.raises(ZeroDivisionError):
         unnamed.beyond_names(*known)
-    assert asked == [[each for each in places if each.label in there]]
+    assert ["".join(each.label for each in tried) for tried in asked] == [there]
 
 
 def test_a_law_is_tried_first_where_all_laws_together_explain_most():
