@@ -199,15 +199,16 @@ def stopped(verdict: Verdict, fitted: bool) -> Verdict:
 
 
 def beside_general_law(
-    verdict: Verdict, named: Misfit, general: Misfit, apart: bool = False
+    verdict: Verdict, named: Misfit, general: Misfit, elsewhere: float = 0.0
 ) -> Verdict:
     r"""The verdict where a general law, with no name, was fitted as well.
 
     The names lose what the general law says against them: by the share of the misfit of the best
     of them (or of the model without any) that it leaves, they are no more than neighbours of the
     truth, as :func:`judged` has it. Names at several places suppose more than one law at one
-    place does: with what they leave, a, and what it leaves, b, root mean square beyond the noise,
-    they keep the share
+    place does, and a law that was tried where the names are is no richer elsewhere: as far as it
+    acts elsewhere, with what they leave, a, and what it leaves, b, root mean square beyond the
+    noise, they keep the share
 
     .. math:: \frac{b^4}{a^4 + b^4},
 
@@ -225,10 +226,12 @@ def beside_general_law(
         With the best of them.
     general : Misfit
         With the general law.
-    apart : bool
-        Whether the best of them act at several places.
+    elsewhere : float
+        Probability that the law acts elsewhere than the best of them; 1 where these act at several
+        places.
     """
-    kept = _beside_one(named, general) if apart else _neighbouring(named, general)
+    kept = (1.0 - elsewhere) * _neighbouring(named, general)
+    kept += elsewhere * _beside_one(named, general)
     kept = min(kept, 1.0 - _as_right(general) * (1.0 - _as_right(named)))
     names = tuple(kept * each for each in verdict.named)
     name = _named(verdict.nothing, names)
@@ -355,7 +358,7 @@ def _neighbouring(before: Misfit, after: Misfit) -> float:
 
 
 def _beside_one(named: Misfit, general: Misfit) -> float:
-    """Share that names at several places keep beside one law at one."""
+    """Share that names keep beside a law elsewhere, or at one of several places of theirs."""
     a, b = _excess(named), _excess(general)
     if a == b or not math.isfinite(a):
         return 0.5 if a == b else 0.0

@@ -81,7 +81,7 @@ def test_an_undecided_verdict_names_the_place():
 def test_names_at_two_places_are_told_beside_the_one_law_that_does_as_well():
     right = Misfit(1.0, 1.0)
     verdict = judged(-50.0, [0.0], Misfit(9.0, 9.0), right)
-    verdict = beside_general_law(verdict, right, right, apart=True)
+    verdict = beside_general_law(verdict, right, right, elsewhere=1.0)
     shape = np.zeros((2, 3))
     law = UnnamedForce("m1", UnnamedLaw.blank(1.0, 1.0, 1.0), "elastic", {}, 2.0, shape, shape, [])
     damper, spring = (CATALOGUE[kind][0] for kind in ("viscous_damping", "stiffness_error"))

@@ -206,8 +206,10 @@ def beyond_names(
     if refused:
         return None
     general = misfit(after, after, allowed)
-    apart = len(where_a_law_acts(table.best, scope.places)) > 1
-    now = beside_general_law(verdict, named, general, apart)
+    where = [place.label for place in where_a_law_acts(table.best, scope.places)]
+    other = placed.probability if where and placed.fit.place.label not in where else 0.0
+    elsewhere = 1.0 if len(where) > 1 else other
+    now = beside_general_law(verdict, named, general, elsewhere)
     before = misfit(ended.before, after, allowed)
     probability = acting(now, before, general, placed.probability)
     if now.found or probability < settings().judgement.likely:
