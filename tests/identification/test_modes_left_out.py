@@ -175,11 +175,11 @@ def test_a_damper_follows_how_fast_modes_left_out_yield(damped, substeps, how):
     )
 
 
-@pytest.mark.parametrize(("k", "substeps"), [(1e6, 2), (4e6, 2), (1.6e7, 4)])
-def test_a_spring_that_is_suspected_leaves_what_one_in_the_model_does(k, substeps):
-    # By what is expected of its force alone it left twice as much, and from 4e6 on no number.
+def test_a_spring_that_is_suspected_leaves_what_one_in_the_model_does():
+    # By what is expected of its force alone it left no number.
+    k = 4e6
     recording = recorded(row_of_masses(spring=k))
-    made, shapes = problem(recording, substeps, kinds=CATALOGUE["stiffness_error"])
+    made, shapes = problem(recording, 2, kinds=CATALOGUE["stiffness_error"])
     row, z = np.array([0.0, 0.0, 1.0, 0.0]) @ shapes, np.zeros(made.parameters)
     (place,) = places_of(made, followed(made), {"m3": row})
     suspect = force(made, made.predictor.kinds[0], "m3", row, z, k, 1.0)
