@@ -112,6 +112,7 @@ class UnnamedFit:
 
         More terms take part where those that do leave more than noise, and stay where they gain
         more than a model may be off by: else they learn its errors, which other recordings pay for.
+        Not ``wider``, none do.
         """
         found = self
         for memory in memories:

@@ -171,6 +171,11 @@ def anywhere(
         As for :func:`probed`.
     nominal : HypothesisFit
         The model with its joints refitted.
+
+    Returns
+    -------
+    list of Entry
+        The same and what was found, the best first.
     """
     bent = problem.joints and nominal.cost < FAR * left_by_noise(problem)
     if not (bent and linear(entries[0]) and scope.in_time()):

@@ -117,7 +117,7 @@ def general_law(
     scope : Scope
         How long there is time.
     further : sequence of Place
-        Less likely ones, where the law explains little at those.
+        Less likely ones, where the law explains little at those, or is nothing but linear.
     """
     most, far = problem.settings.selection.finalists, FAR * left_by_noise(problem)
     named = [place for each in entries[:1] for place in where_a_law_acts(each, scope.places)]

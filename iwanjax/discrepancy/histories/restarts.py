@@ -212,6 +212,11 @@ def linear_laws(
         Where it may act.
     begun : sequence of UnnamedFit
         Laws at others, to be gone on with.
+
+    Returns
+    -------
+    list of UnnamedFit
+        Those begun, then one for each place that there was time for.
     """
     scope.progress("what is linear, at any place")
     here = (linear_law(place, problem, nominal, scope) for place in places if scope.in_time())
@@ -222,7 +227,7 @@ def linear_laws(
 def linear_law(
     place: Place, problem: HistoryProblem, nominal: HypothesisFit, scope: Scope
 ) -> UnnamedFit:
-    """A spring, a mass, a dashpot and relaxation at a place, after a few steps.
+    """A spring, springs that relax and a mass at a place, after a few steps.
 
     Parameters
     ----------

@@ -71,8 +71,8 @@ def unnamed_law(
     missed = {place.label for place in where_a_law_acts(table.best, scope.places)}
     missed -= begun.tried if begun else set()
     if begun is None or (missed and begun.fit.problem.data is not problem.data):
-        likely = left_likely(table.places, scope.places), by_evidence(table.places, scope.places)
-        begun = law(there, scope) if there else law(likely[0], scope, likely[1])
+        likely, every = (by(table.places, scope.places) for by in (left_likely, by_evidence))
+        begun = law(there, scope) if there else law(likely, scope, every)
     elif missed:
         begun = begun.or_rather(law([], scope))
     memories = (TIME_CONSTANT, problem.settings.selection.long_time_constant, math.inf)
