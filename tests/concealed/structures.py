@@ -7,6 +7,7 @@ hammer's peaks belong together: the hard hits drive the largest joint deflection
 responses by less than 7e-4.
 """
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -150,27 +151,38 @@ def _beam_element(length: float, width: float, height: float) -> tuple[Array, Ar
     return M, K
 
 
-def lap_beam() -> Structure:
+_BOLTS = (0.10, 0.18, 0.26)
+"""Positions of the lap beam's bolts (m)."""
+_Node = tuple[str, float]
+"""Of the lower or upper beam, at a position (m)."""
+
+
+def _lapped(
+    name: str,
+    beams: Mapping[str, tuple[float, ...]],
+    places: Mapping[str, _Node],
+    sensors: Mapping[str, _Node],
+    samples: int,
+) -> Structure:
     """Two steel beams, 0.5 m together, lapped and bolted at three places; one end clamped.
 
     A bolt is a transverse spring, and in the interface a weak shank spring (both in K) beside
-    an Iwan joint along the slip u1 - u2 + h/2 (theta1 + theta2).
+    an Iwan joint along the slip u1 - u2 + h/2 (theta1 + theta2). Beams are nodes' positions.
     """
     width, height = 0.025, 0.014
-    lower = np.array([0.0, 0.05, 0.10, 0.14, 0.18, 0.22, 0.26])
-    upper = np.array([0.10, 0.14, 0.18, 0.22, 0.26, 0.32, 0.38, 0.44, 0.50])
-    n = 3 * (len(lower) + len(upper))
+    nodes = [(beam, x) for beam, positions in beams.items() for x in positions]
+    n = 3 * len(nodes)
     M, K = np.zeros((n, n)), np.zeros((n, n))
-    for start, nodes in ((0, lower), (3 * len(lower), upper)):
-        for i, length in enumerate(np.diff(nodes)):
-            at = slice(start + 3 * i, start + 3 * i + 6)
-            m, k = _beam_element(float(length), width, height)
+    for i, (one, two) in enumerate(itertools.pairwise(nodes)):
+        if one[0] == two[0]:
+            at = slice(3 * i, 3 * i + 6)
+            m, k = _beam_element(two[1] - one[1], width, height)
             M[at, at] += m
             K[at, at] += k
     unit = np.eye(n)
-    bolts = [(2 + 2 * i, 7 + 2 * i) for i in range(3)]
     slip, opening = [], []
-    for one, two in bolts:
+    for x in _BOLTS:
+        one, two = nodes.index(("lower", x)), nodes.index(("upper", x))
         turn = 0.5 * height * (unit[3 * one + 2] + unit[3 * two + 2])
         slip.append(unit[3 * one] - unit[3 * two] + turn)
         opening.append(unit[3 * two + 1] - unit[3 * one + 1])
@@ -186,25 +198,69 @@ def lap_beam() -> Structure:
         "J2": _joint(1.4e-5, 0.9 * K_T, -0.4, 1.5),
         "J3": _joint(1.4e-5, 1.1 * K_T, -0.55, 2.5),
     }
-    rows = {f"J{i + 1}": row[free] for i, row in enumerate(slip)}
-    w = {i: unit[3 * i + 1][free] for i in range(1, 16)}
-    rows |= {"w1-ground": w[1], "w2-ground": w[5], "w3-ground": w[13], "tip-ground": w[15]}
-    rows |= {f"opening{i + 1}": row[free] for i, row in enumerate(opening)}
+
+    def across(node: _Node) -> Array:
+        return unit[3 * nodes.index(node) + 1][free]
+
+    rows = {f"J{i}": row[free] for i, row in enumerate(slip, 1)}
+    rows |= {label: across(node) for label, node in places.items()}
+    rows |= {f"opening{i}": row[free] for i, row in enumerate(opening, 1)}
     stuck = K + sum(j[1] * np.outer(rows[name], rows[name]) for name, j in joints.items())
     return Structure(
-        name="lap_beam",
+        name=name,
         M=M,
         C=rayleigh(M, stuck, (0, 0.003), (2, 0.003)),
         K=K,
         rows=rows,
-        sensors={"a1": w[15], "a2": w[13], "a3": w[11], "a4": w[3]},
-        inputs={"tip": w[15], "mid": w[12]},
+        sensors={label: across(node) for label, node in sensors.items()},
+        inputs={"tip": across(("upper", 0.50)), "mid": across(("upper", 0.32))},
         joints=joints,
         rate=4096.0,
-        samples=4096,
+        samples=samples,
         peaks={"tip": 120.0, "mid": 250.0},
         pulse=(8, 14),
         steps=24,
+    )
+
+
+_SENSORS: Mapping[str, _Node] = {
+    "a1": ("upper", 0.50),
+    "a2": ("upper", 0.38),
+    "a3": ("upper", 0.26),
+    "a4": ("lower", 0.14),
+}
+
+
+def lap_beam() -> Structure:
+    """The lapped beams in 45 coordinates, with ten places and four sensors."""
+    return _lapped(
+        "lap_beam",
+        {
+            "lower": (0.0, 0.05, 0.10, 0.14, 0.18, 0.22, 0.26),
+            "upper": (0.10, 0.14, 0.18, 0.22, 0.26, 0.32, 0.38, 0.44, 0.50),
+        },
+        {
+            "w1-ground": ("lower", 0.05),
+            "w2-ground": ("lower", 0.22),
+            "w3-ground": ("upper", 0.38),
+            "tip-ground": ("upper", 0.50),
+        },
+        _SENSORS,
+        samples=4096,
+    )
+
+
+def large_lap_beam() -> Structure:
+    """The lapped beams in 57 coordinates, with twenty places and six sensors: for speed."""
+    lower = (0.0, 0.025, 0.05, 0.075, 0.10, 0.14, 0.18, 0.22, 0.26)
+    upper = (0.10, 0.14, 0.18, 0.22, 0.26, 0.32, 0.35, 0.38, 0.41, 0.44, 0.50)
+    at = [("lower", x) for x in lower[1:]] + [("upper", x) for x in upper[5:]]
+    return _lapped(
+        "large_lap_beam",
+        {"lower": lower, "upper": upper},
+        {f"w{i}-ground": node for i, node in enumerate(at, 1)},
+        {**_SENSORS, "a5": ("upper", 0.44), "a6": ("lower", 0.22)},
+        samples=6144,
     )
 
 
