@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -198,6 +198,17 @@ def stopped(verdict: Verdict, fitted: bool) -> Verdict:
     return Verdict("undecided", True, 0.5, 0.5, (), verdict.misfit)
 
 
+def cut_short(verdict: Verdict, left: Misfit) -> Verdict:
+    """The verdict of a search that ended before all was tried.
+
+    Where the best of what was tried leaves more than noise (``left``), what was not tried is as
+    likely as that: names keep half of their probabilities.
+    """
+    if left.largest <= AS_LIKELY_WRONG:
+        return verdict
+    return _with_less(verdict, 0.5)
+
+
 def beside_general_law(
     verdict: Verdict, named: Misfit, general: Misfit, elsewhere: float = 0.0
 ) -> Verdict:
@@ -233,16 +244,7 @@ def beside_general_law(
     kept = (1.0 - elsewhere) * _neighbouring(named, general)
     kept += elsewhere * _beside_one(named, general)
     kept = min(kept, 1.0 - _as_right(general) * (1.0 - _as_right(named)))
-    names = tuple(kept * each for each in verdict.named)
-    name = _named(verdict.nothing, names)
-    return Verdict(
-        name,
-        _detected(name, verdict.misfit),
-        verdict.nothing,
-        max(0.0, 1.0 - verdict.nothing - sum(names)),
-        names,
-        verdict.misfit,
-    )
+    return _with_less(verdict, kept)
 
 
 def acting(verdict: Verdict, before: Misfit, general: Misfit, placed: float) -> float:
@@ -328,6 +330,14 @@ def worse(before: float, after: float, floor: float) -> bool:
     if math.isnan(before):
         return False
     return not after <= max(before, floor)
+
+
+def _with_less(verdict: Verdict, kept: float) -> Verdict:
+    """The same with a share of the names' probabilities; what they lose is something else's."""
+    names = tuple(kept * each for each in verdict.named)
+    name, other = _named(verdict.nothing, names), max(0.0, 1.0 - verdict.nothing - sum(names))
+    seen = _detected(name, verdict.misfit)
+    return replace(verdict, name=name, detected=seen, something_else=other, named=names)
 
 
 def _named(nothing: float, named: Sequence[float]) -> VerdictName:

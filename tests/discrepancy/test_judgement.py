@@ -7,8 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iwanjax.discrepancy.judgement import Misfit, Verdict, judged, stopped, together, worse
+from iwanjax.discrepancy.judgement import (
+    Misfit,
+    Verdict,
+    cut_short,
+    judged,
+    stopped,
+    together,
+    worse,
+)
 from iwanjax.errors import InputError
+from iwanjax.estimation.evidence import AS_LIKELY_WRONG
 
 EVIDENCE = st.floats(-1e6, 1e6)
 RATIO = st.one_of(st.floats(0.0, 1e9), st.just(math.inf), st.just(math.nan))
@@ -239,6 +248,20 @@ def test_nothing_missing_is_refused_far_from_the_noise():
 )
 def test_a_correction_that_predicts_worse_is_refused(before, after, refused):
     assert worse(before, after, 0.0105) == refused
+
+
+@given(EVIDENCE, st.lists(EVIDENCE, min_size=1, max_size=6), MISFIT, MISFIT)
+def test_what_was_not_tried_is_as_likely_as_names_that_leave_more_than_noise(
+    nothing, candidates, before, after
+):
+    tried = judged(nothing, sorted(candidates, reverse=True), before, after)
+    verdict = cut_short(tried, after)
+    assert verdict.nothing == tried.nothing
+    if after.largest > AS_LIKELY_WRONG:
+        assert verdict.named == tuple(0.5 * each for each in tried.named)
+        assert not verdict.found
+    else:
+        assert verdict is tried
 
 
 @given(st.floats(1.0, 100.0), st.booleans())

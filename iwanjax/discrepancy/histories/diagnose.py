@@ -41,7 +41,7 @@ from iwanjax.discrepancy.histories.validation import (
     misfit,
     unforeseen,
 )
-from iwanjax.discrepancy.judgement import judged, stopped
+from iwanjax.discrepancy.judgement import cut_short, judged, stopped
 from iwanjax.errors import attempted
 from iwanjax.estimation.evidence import LEAST_GAIN
 from iwanjax.identification.estimates import estimates
@@ -201,6 +201,8 @@ def diagnose_histories(
     )
     fitted = complete or bool(table.entries) or table.nominal.fitted.converged
     verdict = stopped(verdict, fitted)
+    if not (complete and scope.in_time()):
+        verdict = cut_short(verdict, misfit(after, after, allowed))
     what = _suspects(table, verdict.named) if table.detected and verdict.detected else []
     after = after if what else before
     shown = table.best if what else table.nominal
