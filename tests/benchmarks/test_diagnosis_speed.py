@@ -1,4 +1,4 @@
-"""Seconds of `iwanjax diagnose` as a whole command, first and again, with nothing concealed.
+"""Seconds of `iwanjax diagnose` as a whole command, first and again, with and without an effect.
 
 Run by ``make bench``. Figures land in ``extra_info`` and are printed; nothing is asserted of
 time. The first run compiles, the second has the compiled kernels on disk.
