@@ -307,7 +307,7 @@ def appearing(
     many cycles, for errors of the state and corrects them away: with a short memory a drifting
     joint leaves no more than noise. Joints that stick, each a search of its own, are looked at
     where all others leave something, as with the shorter memory; and where little is left, but more
-    with a longer memory, with which noise leaves less.
+    in the free run, where noise leaves least.
 
     Parameters
     ----------
@@ -331,7 +331,9 @@ def appearing(
     # Of all longer memories: what builds up over them is no less for having built up in steps.
     usual = max(shortest.cost, noise)
     little = now.cost < settings.left * noise
-    if (little and grown < gain_in_squares(problem, now)) or not scope.in_time():
+    if little and (math.isfinite(now.time_constant) or grown < gain_in_squares(problem, now)):
+        return []
+    if not scope.in_time():
         return []
     scope.progress("looking again with a longer memory")
     if little:

@@ -1,3 +1,4 @@
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -23,6 +24,7 @@ def looked(monkeypatch):
         known: int = 0,
         sticking: tuple[float, ...] = (),
         linear: float = 2000.0,
+        memory: float = math.inf,
     ) -> list[float]:
         told = []
         scope = SimpleNamespace(in_time=lambda: True, progress=told.append, places=())
@@ -58,11 +60,12 @@ def looked(monkeypatch):
         found = long_memory.appearing(
             problem,
             SimpleNamespace(cost=shortest),
-            SimpleNamespace(cost=now, time_constant=40.0, start=None),
+            SimpleNamespace(cost=now, time_constant=memory, start=None),
             entries,
             scope,
         )
-        assert bool(told) == (now >= 1.25 * NOISE or now - shortest > GAIN)
+        grown = now - shortest > GAIN and math.isinf(memory)
+        assert bool(told) == (now >= 1.25 * NOISE or grown)
         return [entry.fitted.cost for entry in found]
 
     return run
@@ -85,6 +88,10 @@ def test_what_grows_with_the_memory_is_little_because_a_joint_sticks(
     looked, shortest, linear, found
 ):
     assert looked(shortest, 1050.0, [], [], sticking=(1000.0,), linear=linear) == found
+
+
+def test_what_little_grows_is_looked_into_once_in_the_free_run(looked):
+    assert looked(1020.0, 1050.0, [], [], sticking=(1000.0,), linear=1030.0, memory=40.0) == []
 
 
 def test_what_builds_up_in_small_steps_is_looked_into(looked):
